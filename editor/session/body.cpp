@@ -340,6 +340,18 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
         flat_axis, std::move(warnings), std::move(boundary)});
 }
 
+const NearestSamples& RestShape::nearest_samples() const
+{
+    std::call_once(made_once->flag,
+                   [&]
+                   {
+                       made_once->nearest_samples.emplace(material.grid, samples,
+                                                          parts.voxel_of_sample,
+                                                          material.notches);
+                   });
+    return *made_once->nearest_samples;
+}
+
 std::optional<Parts> mesh_parts(const Geometry& geometry)
 {
     if (geometry.num_faces() == 0)

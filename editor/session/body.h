@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,6 +19,7 @@
 #include "octree/boundary_points.h"
 #include "octree/cells.h"
 #include "octree/material.h"
+#include "octree/nearest_sample.h"
 #include "octree/octree.h"
 #include "octree/parts.h"
 #include "octree/pieces.h"
@@ -72,6 +74,15 @@ struct RestShape
     std::vector<std::string> warnings;
     /// Of the material, where its parts do not pass through each other; null: they may.
     std::shared_ptr<const BoundaryPoints> boundary;
+
+    /// Made when it is first asked for, once; any thread may ask.
+    const NearestSamples& nearest_samples() const;
+    struct MadeOnce
+    {
+        std::once_flag flag;
+        std::optional<NearestSamples> nearest_samples;
+    };
+    std::unique_ptr<MadeOnce> made_once = std::make_unique<MadeOnce>();
 };
 
 /// A rest shape in cells: made anew where other cells are wanted. Immutable once built.

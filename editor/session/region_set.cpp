@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "editor/session/region_voxels.h"
 #include "io/error.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
-#include "octree/nearest_sample.h"
 
 namespace cellwarp
 {
@@ -167,30 +167,32 @@ void RegionSet::find_voxels()
                      voxels_[r] = united(voxels_[r], on_line);
                  });
     // Samples that stand for their voxels: listed ones, and all those of a region
-    // that holds no voxel centre.
-    std::vector<std::vector<std::uint32_t>> regions_of_sample(shape_->samples.size());
-    bool has_lists = false;
+    // that holds no voxel centre. Those that the same regions list are of one kind.
+    std::vector<std::uint32_t> kind_of_sample(shape_->samples.size(), 0);
+    std::vector<std::vector<std::size_t>> regions_of_kind(1);
     for (std::size_t r = 0; r < size(); ++r)
     {
-        const std::vector<std::uint32_t>& list =
-            voxels_[r].empty() ? regions_[r].samples : regions_[r].listed;
-        for (const std::uint32_t i : list)
-            regions_of_sample[i].push_back(static_cast<std::uint32_t>(r));
-        has_lists |= !list.empty();
-    }
-    if (!has_lists)
-        return;
-    const VoxelNumbers<std::uint32_t> nearest = nearest_samples(
-        grid, shape_->samples, shape_->parts.voxel_of_sample, shape_->material.notches);
-    std::vector<VoxelRuns> more(size());
-    nearest.for_each(
-        [&](std::size_t voxel, std::uint32_t sample)
+        std::map<std::uint32_t, std::uint32_t> with_region; // the kind that each becomes
+        for (const std::uint32_t i :
+             voxels_[r].empty() ? regions_[r].samples : regions_[r].listed)
         {
-            for (const std::uint32_t r : regions_of_sample[sample])
-                more[r].add(voxel);
-        });
-    for (std::size_t r = 0; r < size(); ++r)
-        voxels_[r] = united(voxels_[r], more[r]);
+            const auto [kind, is_new] = with_region.try_emplace(
+                kind_of_sample[i], static_cast<std::uint32_t>(regions_of_kind.size()));
+            if (is_new)
+            {
+                regions_of_kind.push_back(regions_of_kind[kind_of_sample[i]]);
+                regions_of_kind.back().push_back(r);
+            }
+            kind_of_sample[i] = kind->second;
+        }
+    }
+    if (regions_of_kind.size() == 1)
+        return;
+    const std::vector<VoxelRuns> of_kind =
+        shape_->nearest_samples().voxels_of(kind_of_sample, regions_of_kind.size());
+    for (std::size_t kind = 1; kind < of_kind.size(); ++kind)
+        for (const std::size_t r : regions_of_kind[kind])
+            voxels_[r] = united(voxels_[r], of_kind[kind]);
 }
 
 void RegionSet::leave_out_bones()

@@ -9,7 +9,6 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/index.h"
-#include "octree/nearest_sample.h"
 #include "octree/notches.h"
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
@@ -331,23 +330,6 @@ TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
     EXPECT_GT(num_sheets, 0u);
     EXPECT_GT(num_taken, 1000u);
     EXPECT_TRUE(has_notches);
-}
-
-TEST(NearestSamples, are_measured_through_the_material)
-{
-    // A U: the tip of one leg is near the other leg, but far through the bend.
-    const Shape u = joined(
-        joined(box_shape({0, 0, 0}, {4, 0.4, 1}), box_shape({0, 0.6, 0}, {4, 1, 1})),
-        box_shape({0, 0, 0}, {0.4, 1, 1}));
-    const Built body = built(u, 8, 0, Fill::Solid, 0.05);
-    const std::vector<Eigen::Vector3d> samples = {{4, 0.2, 0.5}, {0, 1, 0.5}};
-    const VoxelNumbers<std::uint32_t> nearest =
-        nearest_samples(body.material.grid, samples);
-    const VoxelGrid& grid = body.material.grid;
-    EXPECT_EQ(nearest[grid.index(grid.locate({3.9, 0.2, 0.5}))], 0u);
-    EXPECT_EQ(nearest[grid.index(grid.locate({3.9, 0.8, 0.5}))], 1u);
-    for (std::size_t i = 0; i < grid.size(); ++i)
-        EXPECT_EQ(nearest[i] == kNoSample, !grid.material()[i]);
 }
 
 } // namespace cellwarp

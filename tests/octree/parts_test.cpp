@@ -144,9 +144,23 @@ TEST(Parts, hold_their_own_samples_wherever_these_are)
     }
     EXPECT_GT(in_the_other, 0u);
     // And the voxels that are nearest to them.
-    nearest_samples(boxes.material.grid, boxes.shape.samples, boxes.parts.voxel_of_sample)
-        .for_each([&](std::size_t voxel, std::uint32_t sample)
-                  { EXPECT_EQ(material[voxel], sample < first_of_second ? 1 : 2); });
+    std::vector<std::uint32_t> part_of_sample(boxes.shape.samples.size(), 2);
+    std::fill_n(part_of_sample.begin(), first_of_second, 1);
+    const std::vector<VoxelRuns> voxels =
+        NearestSamples(boxes.material.grid, boxes.shape.samples,
+                       boxes.parts.voxel_of_sample, {})
+            .voxels_of(part_of_sample, 3);
+    std::size_t count = 0;
+    for (const std::uint8_t part : {1, 2})
+        voxels[part].for_each(
+            [&](std::size_t voxel)
+            {
+                EXPECT_EQ(material[voxel], part);
+                ++count;
+            });
+    EXPECT_EQ(count, static_cast<std::size_t>(
+                         std::count_if(material.begin(), material.end(),
+                                       [](std::uint8_t number) { return number != 0; })));
 }
 
 TEST(Parts, that_are_far_from_each_other_are_found_as_one_shape)
