@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <utility>
@@ -116,16 +117,20 @@ std::vector<std::uint32_t> listed_samples(const RegionStatement& statement,
     if (selector.kind == Selector::Kind::Indices)
     {
         for (const auto& [first, last] : selector.ranges)
-        {
             if (last >= static_cast<std::int64_t>(num_samples))
                 throw malformed(where, "sample index is out of range (got " +
                                            std::to_string(last) + ", need 0 to " +
                                            std::to_string(num_samples - 1) + ")");
-            for (std::int64_t i = first; i <= last; ++i)
-                listed.push_back(static_cast<std::uint32_t>(i));
-        }
+        // Ranges may overlap: each sample is listed once.
+        auto ranges = selector.ranges;
+        std::sort(ranges.begin(), ranges.end());
+        std::int64_t next = 0;
+        for (const auto& [first, last] : ranges)
+            for (next = std::max(next, first); next <= last; ++next)
+                listed.push_back(static_cast<std::uint32_t>(next));
+        return listed;
     }
-    else if (selector.kind == Selector::Kind::Labels)
+    if (selector.kind == Selector::Kind::Labels)
     {
         const auto labels = file.labels->read(selector.name);
         if (labels->size() != num_samples)
@@ -328,7 +333,10 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
         {
             const std::vector<std::uint32_t> more =
                 listed_samples(statement, geometry, samples.size(), file);
-            region.listed.insert(region.listed.end(), more.begin(), more.end());
+            std::vector<std::uint32_t> all;
+            std::set_union(region.listed.begin(), region.listed.end(), more.begin(),
+                           more.end(), std::back_inserter(all));
+            region.listed = std::move(all);
         }
     }
     for (const LedRod& rod : led_rods)

@@ -141,6 +141,22 @@ TEST(RegionSet, listed_samples_stand_for_the_voxels_that_are_nearest_to_them)
     EXPECT_GT(num_held, 2000u);
 }
 
+TEST(RegionSet, ranges_that_overlap_list_each_sample_once)
+{
+    // Spread one by one they would take 12 million numbers.
+    std::string statements = "handle a indices 7";
+    for (int k = 0; k < 20000; ++k)
+        statements += " 0-600";
+    const RestModel model = bar(statements + "\nhandle a indices 3 610 605\n");
+    const std::vector<std::uint32_t>& listed = (*model.regions)[0].listed;
+    ASSERT_EQ(listed.size(), 603u);
+    for (std::uint32_t i = 0; i <= 600; ++i)
+        EXPECT_EQ(listed[i], i);
+    EXPECT_EQ(listed[601], 605u);
+    EXPECT_EQ(listed[602], 610u);
+    EXPECT_LT(listed.capacity(), 3000u);
+}
+
 TEST(RegionSet, a_listed_region_with_a_shape_holds_the_voxels_of_both)
 {
     const RestModel one = bar("handle a indices 0\n", 16, 4, 1);
