@@ -5,6 +5,8 @@
 #include "editor/session/memory_limit.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -34,10 +36,76 @@ namespace fs = std::filesystem;
 constexpr double kShare = 0.7, kBytesPerKilobyte = 1024.0;
 /// What reading takes of memory for each byte of a file, as measured, by format. For all
 /// others it is that of text in columns; the buffers beside a .gltf are not counted.
+/// JSON takes more, see JsonSize.
 constexpr std::pair<std::string_view, double> kOfFiles[] = {
     {"obj", 3.8}, {"off", 3.8}, {"ply", 5.3}, {"stl", 8.9}};
 constexpr double kOfOtherFiles = 1.9;
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+
+/// What the values of JSON text take beside the text, about, as measured: members of
+/// objects with their names, what follows a comma, lists and objects [byte].
+constexpr double kOfMember = 128.0, kOfNext = 32.0, kOfBracket = 40.0;
+/// For each byte of the text, at the most.
+constexpr double kMostOfJson = 36.0;
+
+/// Adds up what JSON text takes, part by part: what stands in quotes has no values.
+class JsonSize
+{
+public:
+    void add(std::string_view text)
+    {
+        for (const char c : text)
+            if (is_escaped_)
+                is_escaped_ = false;
+            else if (is_quoted_)
+            {
+                is_escaped_ = c == '\\';
+                is_quoted_ = c != '"';
+            }
+            else
+            {
+                is_quoted_ = c == '"';
+                bytes_ += c == ':'               ? kOfMember
+                          : c == ','             ? kOfNext
+                          : c == '[' || c == '{' ? kOfBracket
+                                                 : 0.0;
+            }
+    }
+    double bytes() const { return bytes_; }
+
+private:
+    bool is_quoted_ = false, is_escaped_ = false;
+    double bytes_ = 0.0;
+};
+
+/// What the JSON of a glTF file of \p size takes beside its text [byte]. Looked at in
+/// full only where the most that it can take is more than \p room.
+double bytes_of_json(const std::string& path, double size, double room)
+{
+    std::ifstream file(path, std::ios::binary);
+    double left = size;
+    if (extension_of(path) == "glb")
+    {
+        // Magic word, version, length; length and type of the JSON.
+        std::array<std::uint32_t, 5> head{};
+        if (!file.read(reinterpret_cast<char*>(head.data()), sizeof head))
+            return 0.0;
+        left = std::min(size, static_cast<double>(head[3]));
+    }
+    if (kMostOfJson * left <= room)
+        return kMostOfJson * left;
+    JsonSize json;
+    std::string part;
+    while (left > 0.0 && file)
+    {
+        part.resize(static_cast<std::size_t>(std::min(left, 65536.0)));
+        file.read(part.data(), static_cast<std::streamsize>(part.size()));
+        json.add(
+            std::string_view(part).substr(0, static_cast<std::size_t>(file.gcount())));
+        left -= static_cast<double>(part.size());
+    }
+    return json.bytes();
+}
 
 /// The files of a control group, by its version.
 struct Names
@@ -218,7 +286,11 @@ void check_memory_of_file(const std::string& path, double max_memory)
     for (const auto& [of, times] : kOfFiles)
         if (extension == of)
             factor = times;
-    const double bytes = memory_with(factor * static_cast<double>(size), max_memory);
+    double more = factor * static_cast<double>(size);
+    if (extension == "gltf" || extension == "glb")
+        more += bytes_of_json(path, static_cast<double>(size),
+                              max_memory - resident_memory() - more);
+    const double bytes = memory_with(more, max_memory);
     if (bytes > max_memory)
         throw Error(Fault::Budget,
                     at({path, 0, ""}, "a file of " + in_bytes(static_cast<double>(size)) +

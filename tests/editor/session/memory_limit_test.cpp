@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/session/memory_limit.h"
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 
+#include "io/error.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -81,6 +84,50 @@ TEST(MemoryLimit, stands_against_files_that_take_more_when_they_are_read)
     // Text in columns takes less.
     std::filesystem::rename(file, folder / "big.xyz");
     EXPECT_NO_THROW(check_memory_of_file(folder / "big.xyz", now + 3e7));
+}
+
+TEST(MemoryLimit, counts_the_values_of_json_but_not_what_stands_in_quotes)
+{
+    // As measured, text and all: nodes take 13 times their text, empty lists 26 times.
+    std::string nodes = "[", lists = "[";
+    while (nodes.size() < 4'000'000)
+        nodes += R"({"translation":[1,2,3],"name":"n1234567"},)";
+    while (lists.size() < 4'000'000)
+        lists += "[],";
+    const std::string text = "\"" + std::string(4'000'000, ',') + R"(\",[,:")";
+    const support::Folder folder;
+    const auto is_refused = [](const std::string& file, double more)
+    {
+        memory_with(0.0, 1.0); // what was freed is given back
+        try
+        {
+            check_memory_of_file(file, resident_memory() + more);
+        }
+        catch (const Error& error)
+        {
+            EXPECT_EQ(error.fault(), Fault::Budget);
+            return true;
+        }
+        return false;
+    };
+    for (const auto& [json, takes] :
+         {std::pair(nodes, 12.5), std::pair(lists, 25.0), std::pair(text, 1.8)})
+        for (const bool is_binary : {false, true})
+        {
+            std::string file = json;
+            if (is_binary)
+            {
+                const std::uint32_t head[] = {0x46546c67, 2, 0,
+                                              static_cast<std::uint32_t>(json.size()),
+                                              0x4e4f534a};
+                file.insert(0, reinterpret_cast<const char*>(head), sizeof head);
+                file.append(1'000'000, '['); // of the buffer
+            }
+            const std::string path =
+                folder.write(is_binary ? "big.glb" : "big.gltf", file);
+            EXPECT_TRUE(is_refused(path, takes * 4e6)) << json.substr(0, 10);
+            EXPECT_FALSE(is_refused(path, 1.6 * takes * 4e6 + 3e6)) << json.substr(0, 10);
+        }
 }
 
 TEST(MemoryLimit, follows_the_groups_of_version_2)
