@@ -342,15 +342,46 @@ Scene make_scene(const std::string& name)
                 fmt::format("scene: got {}, need one of{}", in_quotes(name), known));
 }
 
+namespace
+{
+
+/// Samples as an `indices` selector: ascending numbers as ranges.
+std::string as_indices(std::span<const Index> samples)
+{
+    std::string text = "indices";
+    for (std::size_t begin = 0, end = 0; begin < samples.size(); begin = end)
+    {
+        while (end < samples.size() && samples[end] - samples[begin] == end - begin)
+            ++end;
+        text += fmt::format(" {}-{}", samples[begin], samples[end - 1]);
+    }
+    return text;
+}
+
+/// The statements of a scene with lists in the place of its selectors.
+std::string with_lists(const Scene& scene)
+{
+    return "cellwarp-handles 1\nfixed foot " + as_indices(scene.fixed) +
+           "\nhandle head " + as_indices(scene.moved) + "\n" +
+           scene.handles.substr(scene.handles.find("frame 1"));
+}
+
+} // namespace
+
 void write_scene(const Scene& scene, const std::filesystem::path& folder)
 {
-    const auto write = [&](const std::string& extension, const std::string& text)
-    { write_file((folder / (scene.name + extension)).string(), text, Overwrite::Yes); };
-    write(".obj", support::obj_text(scene.shape));
-    write(".handles", scene.handles);
-    write(".json", fmt::format("{{ \"cellwarp\": 1, \"model\": \"{0}.obj\", "
-                               "\"handles\": \"{0}.handles\" }}\n",
-                               scene.name));
+    const auto write = [&](const std::string& name, const std::string& text)
+    { write_file((folder / name).string(), text, Overwrite::Yes); };
+    write(scene.name + ".obj", support::obj_text(scene.shape));
+    for (const auto& [name, handles] :
+         {std::pair(scene.name, scene.handles),
+          std::pair(scene.name + "-lists", with_lists(scene))})
+    {
+        write(name + ".handles", handles);
+        write(name + ".json", fmt::format("{{ \"cellwarp\": 1, \"model\": \"{}.obj\", "
+                                          "\"handles\": \"{}.handles\" }}\n",
+                                          scene.name, name));
+    }
 }
 
 double diagonal(const Shape& shape)

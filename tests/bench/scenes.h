@@ -34,7 +34,8 @@ std::vector<std::string> scene_names();
 /// without its file.
 Scene make_scene(const std::string& name);
 
-/// Writes NAME.obj, NAME.handles and NAME.json, over what is there.
+/// Writes NAME.obj, NAME.handles and NAME.json, and with the regions as lists of samples
+/// NAME-lists.handles and NAME-lists.json, over what is there.
 void write_scene(const Scene& scene, const std::filesystem::path& folder);
 
 /// The diagonal of the bounding box: what errors are relative to [model unit].
