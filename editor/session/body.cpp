@@ -50,6 +50,20 @@ constexpr double kVoxelsPerOpening = 16.0;
 /// take about a second. More than this only for what needs them by its gap.
 constexpr double kMostOpenVoxels = 7.5e6;
 
+/// Clouds of no more points than this get no finer cells and voxels than these resolve:
+/// coarsest cells half as wide as the points are apart, so many voxels from one to the
+/// next, and in all the voxels of kFewVoxels and kVoxelsPerPoint for each.
+constexpr std::size_t kFewPoints = 1500;
+constexpr double kVoxelsPerSpacing = 8.0, kFewVoxels = 3e5, kVoxelsPerPoint = 3e3;
+
+/// How far the points of a small cloud are apart; 0 of any other shape.
+double spacing_of_few(const Shape& shape)
+{
+    return shape.is_cloud() && shape.samples.size() <= kFewPoints
+               ? point_spacing(shape.samples)
+               : 0.0;
+}
+
 /// What a sample takes from here on, with its motions, and what cells and fields do where
 /// nothing is refined, as measured [byte]. Shells have several times as many cells.
 constexpr double kBytesPerSample = 120.0, kBytesOfCells = 4e7, kBytesOfShellCells = 1e8;
@@ -116,23 +130,26 @@ double widest_opening(const Material& probe, const BoundingSurface& surface)
                                      : 2.0 * std::max(probe.seal_radius, probe.spacing);
 }
 
-/// Volume of material tells how many cells a grid has before it is built.
+/// Volume of material tells how many cells a grid has before it is built. \p most_voxels:
+/// near an open surface or a cloud. \p least_edge: of the cells [work].
 int automatic_across(const Material& probe, const BoundingSurface& surface,
                      const Eigen::Vector3d& size, const CellSettings& settings,
-                     double max_voxel)
+                     double max_voxel, double most_voxels, double least_edge)
 {
     const int last = std::end(kCandidates)[-1];
     const bool is_open = surface.open_edges > 0.0 && settings.fill == Fill::Solid;
-    // Hollows are looked for in all of the box.
-    const double near = !is_open                                ? 0.0
-                        : probe.method == InsideMethod::Hollows ? 1.0
-                                                                : share_near(probe.grid);
+    // Hollows are looked for in all of the box, and for few points all of it counts.
+    const bool are_few = least_edge > 0.0;
+    const double near = !is_open && !are_few ? 0.0
+                        : are_few || probe.method == InsideMethod::Hollows
+                            ? 1.0
+                            : share_near(probe.grid);
     const auto near_voxels = [&](int across) {
         return near * num_voxels(grid_shape(size, across, settings.max_depth, max_voxel));
     };
-    const double most = std::max(kMostOpenVoxels, 1.5 * near_voxels(last));
+    const double most = std::max(most_voxels, 1.5 * near_voxels(last));
     for (const int across : kCandidates)
-        if (near_voxels(across) <= most &&
+        if (near_voxels(across) <= most && size.maxCoeff() >= across * least_edge &&
             !has_more_leaves(probe.grid, grid_shape(size, across, 0, 0.0), kTargetCells))
             return across;
     return last;
@@ -232,19 +249,25 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                            "openings are closed as with --fill solid");
     const BoundingSurface surface = bounding_surface(shape);
     const double voxel_of_gap = settings.gap / kVoxelsPerGap * frame.diagonal();
-    double max_voxel = voxel_of_gap;
+    const double spacing = spacing_of_few(shape);
+    const double most_voxels =
+        spacing > 0.0
+            ? std::min(kMostOpenVoxels,
+                       kFewVoxels + kVoxelsPerPoint * static_cast<double>(samples.size()))
+            : kMostOpenVoxels;
+    double max_voxel = std::max(voxel_of_gap, spacing / kVoxelsPerSpacing);
     int across = std::max(settings.across, 1);
     bool is_shell = settings.fill == Fill::Shell;
     if (settings.across <= 0 || !is_nearly_closed(surface))
         if (const std::optional<Material> probe =
-                first_look(shape, surface, frame.size, settings.fill, voxel_of_gap))
+                first_look(shape, surface, frame.size, settings.fill, max_voxel))
         {
             is_shell = is_shell || probe->method == InsideMethod::None;
-            max_voxel = std::max(voxel_of_gap,
-                                 widest_opening(*probe, surface) / kVoxelsPerOpening);
+            max_voxel =
+                std::max(max_voxel, widest_opening(*probe, surface) / kVoxelsPerOpening);
             if (settings.across <= 0)
-                across =
-                    automatic_across(*probe, surface, frame.size, settings, max_voxel);
+                across = automatic_across(*probe, surface, frame.size, settings,
+                                          max_voxel, most_voxels, 0.5 * spacing);
         }
     GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
     if (flat_axis >= 0 && frame.size.maxCoeff() > 0.0)

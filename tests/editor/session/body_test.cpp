@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 #include <string>
+#include <utility>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -205,6 +206,49 @@ TEST(Body, of_clouds_has_no_finer_voxels_than_their_openings_need)
     Shape cube = support::box_shape({0, 0, 0}, {1, 1, 1}, 8);
     cube.triangles.resize(cube.triangles.size() - 2);
     EXPECT_LE(voxel_of(*rest_of(cube, 8, 0)), of_gap * (1.0 + 1e-9));
+}
+
+TEST(Body, of_few_points_has_no_finer_cells_and_voxels_than_these_resolve)
+{
+    std::mt19937 rng(7);
+    const auto points = [&](int count, const auto& place)
+    {
+        Geometry geometry;
+        for (int i = 0; i < count; ++i)
+            geometry.samples.push_back(place(i));
+        return geometry;
+    };
+    const auto corner = [](int i) { return Eigen::Vector3d(i & 1, i >> 1 & 1, i >> 2); };
+    const auto on_line = [](int i) { return Eigen::Vector3d(i, 2.0 * i, 0.5 * i); };
+    const auto in_cube = [&](int) { return random_vector(rng, 1.0); };
+    const auto on_sphere = [&](int) -> Eigen::Vector3d
+    { return random_vector(rng, 1.0).normalized(); };
+    const auto in_clusters = [&](int i) -> Eigen::Vector3d
+    {
+        return 0.02 * random_vector(rng, 1.0) +
+               Eigen::Vector3d::Constant(i % 2 == 0 ? 0.0 : 1.0);
+    };
+    CellSettings settings;
+    settings.max_depth = kUsualDepth;
+    // The last two are dense where they are: their gap asks for more.
+    for (const auto& [geometry, most] :
+         {std::pair(points(8, corner), 1.25e6), std::pair(points(12, in_cube), 1.25e6),
+          std::pair(points(300, in_cube), 1.25e6),
+          std::pair(points(300, on_sphere), 1.25e6),
+          std::pair(points(300, on_line), 4.2e6),
+          std::pair(points(300, in_clusters), 7.2e6)})
+    {
+        const auto rest = build_rest_shape(geometry, geometry.samples, settings);
+        EXPECT_LE(num_voxels(rest->material.grid.shape()), most);
+        const Body body = build_body(rest, settings);
+        EXPECT_LE(body.cells.size(), 3000u);
+        for (const int cell : body.cell_of_sample)
+            EXPECT_GE(cell, 0);
+    }
+    // What is asked for is made.
+    settings.across = 40;
+    const Geometry eight = points(8, corner);
+    EXPECT_EQ(build_rest_shape(eight, eight.samples, settings)->across, 40);
 }
 
 } // namespace cellwarp
