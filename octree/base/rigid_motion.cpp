@@ -14,6 +14,8 @@
 
 #include <Eigen/Geometry>
 
+#include "octree/base/half_turn.h"
+
 namespace cellwarp
 {
 
@@ -91,28 +93,41 @@ Pose shape_matched(const Pose& pose, const Twist& twist)
             pose.p + twist.tail<3>()};
 }
 
+namespace
+{
+
+/// Of w = cos(angle / 2) at a half turn.
+constexpr double kHalfTurnCosine = 0.5 * kHalfTurnRounding;
+
+/// Whether the first component of an axis that is not small is negative. Some component
+/// of a unit vector is above 0.57.
+bool points_back(const Eigen::Vector3d& axis)
+{
+    constexpr double kNotSmall = 0.3;
+    int k = 0;
+    while (k < 2 && std::abs(axis[k]) <= kNotSmall)
+        ++k;
+    return axis[k] < 0.0;
+}
+
+} // namespace
+
+bool is_half_turn(const Eigen::Matrix3d& R)
+{
+    return std::abs(Eigen::Quaterniond(R).w()) <= kHalfTurnCosine;
+}
+
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R)
 {
     const Eigen::Quaterniond q(R);
-    Eigen::Vector3d v = q.vec();
-    const double sine = v.norm();
+    const double sine = q.vec().norm();
     if (sine == 0.0)
         return Eigen::Vector3d::Zero();
     // q and -q are one rotation: the one with w >= 0 turns by at most pi.
-    double w = q.w();
-    if (w < 0)
-    {
-        v = -v;
-        w = -w;
-    }
-    if (w < 1e-9)
-    {
-        int largest = 0;
-        v.cwiseAbs().maxCoeff(&largest);
-        if (v[largest] < 0)
-            v = -v;
-    }
-    return 2.0 * std::atan2(sine, w) / sine * v;
+    const bool is_other =
+        std::abs(q.w()) <= kHalfTurnCosine ? points_back(q.vec() / sine) : q.w() < 0.0;
+    const double sign = is_other ? -1.0 : 1.0;
+    return sign * 2.0 * std::atan2(sine, sign * q.w()) / sine * q.vec();
 }
 
 } // namespace cellwarp

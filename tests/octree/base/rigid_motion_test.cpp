@@ -8,6 +8,7 @@
 #include <Eigen/SVD>
 #include <gtest/gtest.h>
 
+#include "octree/base/half_turn.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -118,6 +119,44 @@ TEST(RigidMotion, rotation_vectors_reach_pi_with_one_sign)
                       1e-9);
         }
     EXPECT_TRUE(rotation_vector(Eigen::Matrix3d::Identity()).isZero(0));
+}
+
+TEST(RigidMotion, half_turns_go_one_way_whatever_their_rounding)
+{
+    std::mt19937 rng(7);
+    const auto check = [](const Eigen::Vector3d& axis)
+    {
+        const Eigen::Vector3d told =
+            rotation_vector(rotation_about(axis, std::numbers::pi));
+        for (const double off : {-9e-7, -1e-9, -1e-16, 1e-16, 1e-9, 9e-7})
+        {
+            const Eigen::Matrix3d R = rotation_about(axis, std::numbers::pi + off);
+            EXPECT_TRUE(is_half_turn(R));
+            const Eigen::Vector3d vector = rotation_vector(R);
+            EXPECT_LT((vector - told).norm(), 1e-6);
+            EXPECT_LT((rotation_about(vector.normalized(), vector.norm()) - R).norm(),
+                      1e-12);
+        }
+        for (const double off : {-2e-6, 2e-6})
+            EXPECT_FALSE(is_half_turn(rotation_about(axis, std::numbers::pi + off)));
+    };
+    for (int trial = 0; trial < 100; ++trial)
+        check(random_vector(rng, 1.0).normalized());
+    // Components of one size, and none, decide nothing by their rounding either.
+    for (const Eigen::Vector3d& axis :
+         {Eigen::Vector3d(1, -1, 0), Eigen::Vector3d(0, -1, 1),
+          Eigen::Vector3d(-1, 1, 1)})
+    {
+        check(axis.normalized());
+        for (const double tilt : {-1e-15, 1e-15})
+            EXPECT_LT(
+                (rotation_vector(
+                     rotation_about((axis + tilt * Eigen::Vector3d(1, 1, 1)).normalized(),
+                                    std::numbers::pi)) -
+                 rotation_vector(rotation_about(axis.normalized(), std::numbers::pi)))
+                    .norm(),
+                1e-9);
+    }
 }
 
 } // namespace cellwarp
