@@ -439,7 +439,7 @@ private:
                 Eigen::Vector4d& turn =
                     out_.turns[static_cast<std::size_t>(turn_of_[joint])].values.back();
                 turn = (Quaterniond(turn) *
-                        Quaterniond(Eigen::AngleAxisd(std::remainder(value, 360.0) *
+                        Quaterniond(Eigen::AngleAxisd(std::remainder(value, 720.0) *
                                                           std::numbers::pi / 180.0,
                                                       Vector3d::Unit(axis))))
                            .normalized()

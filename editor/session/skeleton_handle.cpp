@@ -289,11 +289,33 @@ Operation turn_operation(const Quaterniond& turn)
 {
     Operation operation;
     operation.kind = Operation::Kind::Rotate;
-    const Vector3d vector = logarithm(turn);
-    operation.degrees = vector.norm() / kDegree;
-    operation.vector =
-        vector.isZero(0) ? Vector3d::UnitZ() : Vector3d(vector.normalized());
+    // Beyond half a turn as the sign says: so half a turn from there goes on.
+    const double sine = turn.vec().norm();
+    operation.degrees = 2.0 * std::atan2(sine, turn.w()) / kDegree;
+    operation.vector = sine > 1e-15 ? Vector3d(turn.vec() / sine) : Vector3d::UnitZ();
     return operation;
+}
+
+/// Signs of quaternions that lead the shortest way from key to key, from at most half a
+/// turn on. Given tangents are of the signs that the keys have: all change alike.
+void align_signs(TurnKeys& keys)
+{
+    const auto flip = [](Quaterniond& turn) { turn.coeffs() = -turn.coeffs(); };
+    if (keys.kind == Interpolation::Cubic)
+    {
+        if (keys.turns.empty() || keys.turns.front().w() >= 0.0)
+            return;
+        std::for_each(keys.turns.begin(), keys.turns.end(), flip);
+        for (auto& [before, after] : keys.tangents)
+        {
+            before = -before;
+            after = -after;
+        }
+        return;
+    }
+    Quaterniond before = Quaterniond::Identity();
+    for (Quaterniond& turn : keys.turns)
+        before = turn = nearer_sign(before, turn);
 }
 
 } // namespace
@@ -334,6 +356,7 @@ KeyedJoints::KeyedJoints(const SkeletonValues& skeleton)
         keys.tangents = track.tangents;
         for (const Eigen::Vector4d& value : track.values)
             keys.turns.emplace_back(value);
+        align_signs(keys);
     }
     for (const ShiftTrack& track : skeleton.shifts)
         tracks->shifts.emplace_back(track.joint,

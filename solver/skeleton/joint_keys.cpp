@@ -16,6 +16,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "octree/base/half_turn.h"
+
 namespace cellwarp
 {
 
@@ -25,6 +27,9 @@ namespace
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
+
+/// Of w = cos(angle / 2) at a half turn.
+constexpr double kHalfTurnCosine = 0.5 * kHalfTurnRounding;
 
 /// The span that a time lies in, and the share of it that has passed.
 struct Place
@@ -110,8 +115,19 @@ Vector3d logarithm(const Quaterniond& turn)
     const double sine = turn.vec().norm();
     if (sine == 0.0)
         return Vector3d::Zero();
-    const double sign = turn.w() < 0.0 ? -1.0 : 1.0;
+    const double sign = turn.w() < -kHalfTurnCosine ? -1.0 : 1.0;
     return sign * 2.0 * std::atan2(sine, sign * turn.w()) / sine * turn.vec();
+}
+
+Quaterniond part_of_turn(const Quaterniond& from, const Quaterniond& to, double u)
+{
+    return std::abs(from.dot(to)) <= kHalfTurnCosine ? along(from, to, u)
+                                                     : from.slerp(u, to);
+}
+
+Quaterniond nearer_sign(const Quaterniond& before, const Quaterniond& turn)
+{
+    return before.dot(turn) < -kHalfTurnCosine ? Quaterniond(-turn.coeffs()) : turn;
 }
 
 Quaterniond exponential(const Vector3d& vector)
@@ -132,7 +148,7 @@ Quaterniond TurnKeys::at(double time) const
     if (!is_between || kind == Interpolation::Step)
         return turns[key];
     if (kind == Interpolation::Linear)
-        return turns[key].slerp(u, turns[key + 1]).normalized();
+        return part_of_turn(turns[key], turns[key + 1], u).normalized();
     if (kind == Interpolation::Smooth)
         return squad(*this, place).normalized();
     const std::array<double, 4> w = hermite(u);

@@ -51,8 +51,18 @@ struct JointKeys
     ShiftKeys shifts;
 };
 
-/// The rotation vector of a unit quaternion, of at most half a turn [rad].
+/// The rotation vector of a unit quaternion, of at most half a turn [rad]. Half a turn,
+/// to kHalfTurnRounding, goes round as the quaternion's sign says.
 Eigen::Vector3d logarithm(const Eigen::Quaterniond& turn);
+/// The turn at \p u in [0, 1] between two, evenly and by the shortest way. Half a turn,
+/// to kHalfTurnRounding, goes round as the signs of the quaternions say: made from an
+/// axis and an angle within a whole turn either way, they go as the angle does.
+Eigen::Quaterniond part_of_turn(const Eigen::Quaterniond& from,
+                                const Eigen::Quaterniond& to, double u);
+/// The one of the two signs of \p turn to which the shortest way from \p before leads; of
+/// half a turn \p turn as it is.
+Eigen::Quaterniond nearer_sign(const Eigen::Quaterniond& before,
+                               const Eigen::Quaterniond& turn);
 /// The quaternion of a rotation vector [rad].
 Eigen::Quaterniond exponential(const Eigen::Vector3d& vector);
 

@@ -11,6 +11,7 @@
 #include <cassert>
 
 #include "octree/base/index.h"
+#include "solver/skeleton/joint_keys.h"
 
 namespace cellwarp
 {
@@ -100,7 +101,7 @@ SkeletonPose between(const SkeletonPose& from, const SkeletonPose& to, double t)
     for (std::size_t j = 0; j < pose.turns.size(); ++j)
     {
         if (from.turns[j].coeffs() != to.turns[j].coeffs())
-            pose.turns[j] = from.turns[j].slerp(t, to.turns[j]).normalized();
+            pose.turns[j] = part_of_turn(from.turns[j], to.turns[j], t).normalized();
         pose.shifts[j] += t * (to.shifts[j] - from.shifts[j]);
     }
     return pose;

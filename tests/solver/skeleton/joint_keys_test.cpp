@@ -190,4 +190,47 @@ TEST(JointKeys, no_key_is_rest)
     EXPECT_EQ(ShiftKeys().at(1.0), Vector3d::Zero());
 }
 
+TEST(JointKeys, half_a_turn_goes_as_the_signs_say_whatever_the_rounding)
+{
+    std::mt19937 random(9);
+    std::normal_distribution<double> number;
+    for (int trial = 0; trial < 50; ++trial)
+    {
+        const Vector3d axis =
+            Vector3d(number(random), number(random), number(random)).normalized();
+        const Quaterniond from =
+            exponential(Vector3d(number(random), number(random), number(random)));
+        for (const double sense : {1.0, -1.0})
+            for (const double off : {-9e-7, -1e-9, -1e-16, 0.0, 1e-16, 1e-9, 9e-7})
+            {
+                const Vector3d turn = sense * (std::numbers::pi + off) * axis;
+                const Quaterniond to = from * exponential(turn);
+                EXPECT_LT((logarithm(from.conjugate() * to) - turn).norm(), 1e-6);
+                const Quaterniond half = from * exponential(0.5 * turn);
+                for (const Interpolation kind :
+                     {Interpolation::Linear, Interpolation::Smooth})
+                {
+                    const TurnKeys keys{kind, {0.0, 1.0}, {from, to}};
+                    EXPECT_LT(keys.at(0.5).angularDistance(half), 1e-6) << off;
+                    EXPECT_LT(keys.at(1.0).angularDistance(to), 1e-6);
+                }
+            }
+    }
+}
+
+// A wheel that turns by half a turn from key to key goes on.
+TEST(JointKeys, signs_lead_from_key_to_key)
+{
+    TurnKeys keys;
+    Quaterniond before = Quaterniond::Identity();
+    for (int k = 0; k <= 8; ++k)
+    {
+        const Quaterniond turn = exponential(k * std::numbers::pi * Vector3d::UnitZ());
+        before = nearer_sign(before, turn);
+        EXPECT_EQ(before.coeffs(), turn.coeffs());
+        EXPECT_EQ(nearer_sign(before, Quaterniond(-turn.coeffs())).coeffs(),
+                  turn.coeffs());
+    }
+}
+
 } // namespace cellwarp
