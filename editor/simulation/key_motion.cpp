@@ -8,6 +8,8 @@
 
 #include <Eigen/Geometry>
 
+#include "octree/base/half_turn.h"
+
 namespace cellwarp
 {
 
@@ -33,6 +35,29 @@ std::optional<OneAxis> one_axis(const RodKey& a, const RodKey& b)
     if (b.rotate[3] == 0.0 || std::abs(side) > 1.0 - 1e-12)
         return OneAxis{axis_of(a), a.rotate[3], side < 0.0 ? -b.rotate[3] : b.rotate[3]};
     return std::nullopt;
+}
+
+/// Of a key, with a sign: whole turns count up to two.
+Eigen::Quaterniond quaternion_of(const RodKey& key)
+{
+    const Eigen::Vector3d axis(key.rotate[0], key.rotate[1], key.rotate[2]);
+    const double degrees = std::remainder(key.rotate[3], 720.0);
+    return Eigen::Quaterniond(
+        Eigen::AngleAxisd(degrees * std::numbers::pi / 180.0, axis.normalized()));
+}
+
+/// From one key to the next, which are \p R apart: axis times angle [rad]. Half a turn
+/// goes round as the quaternions of the keys say, as for joints.
+Eigen::Vector3d shortest_turn(const RodKey& a, const RodKey& b, const Eigen::Matrix3d& R)
+{
+    const Eigen::Vector3d turn = rotation_vector(R);
+    if (!is_half_turn(R))
+        return turn;
+    const Eigen::Vector3d told = (quaternion_of(b) * quaternion_of(a).conjugate()).vec();
+    const double angle = turn.norm();
+    return told.dot(turn) < 0.0
+               ? Eigen::Vector3d((1.0 - 2.0 * std::numbers::pi / angle) * turn)
+               : turn;
 }
 
 } // namespace
@@ -89,9 +114,9 @@ Motion motion_at(std::vector<RodKey> keys, double time, const Eigen::Vector3d& a
         between.rotate[3] = one->from + between_them * (one->to - one->from);
         return motion_of(between, about);
     }
-    // About one axis from the one to the other, by less than half a turn.
+    // About one axis from the one to the other, by at most half a turn.
     const Motion from = motion_of(a, about), to = motion_of(b, about);
-    const Eigen::Vector3d turn = rotation_vector(to.R * from.R.transpose());
+    const Eigen::Vector3d turn = shortest_turn(a, b, to.R * from.R.transpose());
     const double angle = turn.norm();
     const Eigen::Matrix3d R =
         angle > 0.0
