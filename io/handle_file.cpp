@@ -822,13 +822,15 @@ private:
         check_moved_once(move, words);
         if (releases)
         {
-            const bool is_whole = move.place.kind == MovePlace::Kind::Whole;
             if (role == Role::Bone && *move.released != HoldParts{true, true, true})
                 words.fail(move.region,
                            "one word too many: a joint is released as a whole");
-            if (role != Role::Bone && (role != Role::Rod || is_whole))
+            if (role != Role::Bone &&
+                (role != Role::Rod || (move.place.kind == MovePlace::Kind::Whole &&
+                                       *move.released == HoldParts{true, true, true})))
                 words.fail(move.region,
-                           "only a joint, or a point, start or end of a rod is released");
+                           "only a joint, or a point, start or end of a rod is released "
+                           "(of both ends place, tangent or twist)");
         }
         for (std::size_t k = 0; k < move.operations.size(); ++k)
             check_operation(move.operations[k], k == 0, role, move.place, words,

@@ -13,6 +13,7 @@
 
 #include "editor/document/document.h"
 #include "editor/document/journal_header.h"
+#include "editor/session/frame_plan.h"
 #include "editor/session/script_fingerprint.h"
 #include "editor/session/skeleton_handle.h"
 #include "io/error.h"
@@ -124,8 +125,7 @@ struct Document::State
         const Move* last = nullptr;
         for (std::size_t f = all.size(); f-- > 0 && !last;)
             for (const Move& move : all[f].moves)
-                if (move.region == region.name &&
-                    move.place.kind == MovePlace::Kind::Whole)
+                if (move.region == region.name && !is_of_points(move))
                     last = &move;
         if (!last)
             return;

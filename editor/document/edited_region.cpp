@@ -207,7 +207,7 @@ std::vector<EditedPoint> points_of(const EditedRegion& region,
     SplineHolds holds = rest;
     for (const FrameStatement& frame : frames)
         for (const Move& move : frame.moves)
-            if (move.region == region.name && move.place.kind != MovePlace::Kind::Whole)
+            if (move.region == region.name && is_of_points(move))
                 hold_point(move, spline, ground.units, ground.file.path, frame.number,
                            holds);
     const WorkFrame& work = ground.units.frame;

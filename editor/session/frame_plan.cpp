@@ -175,6 +175,11 @@ StageAims rest_aims(const RegionSet& regions)
     return aims;
 }
 
+bool is_of_points(const Move& move)
+{
+    return move.place.kind != MovePlace::Kind::Whole || move.released.has_value();
+}
+
 void hold_point(const Move& move, const SplineHandle& spline, const Units& units,
                 const std::string& file, std::int64_t frame, SplineHolds& holds)
 {
@@ -182,9 +187,15 @@ void hold_point(const Move& move, const SplineHandle& spline, const Units& units
     SplineHold& now = holds[point];
     if (move.released)
     {
-        now.parts.place &= !move.released->place;
-        now.parts.tangent &= !move.released->tangent;
-        now.parts.twist &= !move.released->twist;
+        const auto release = [&](HoldParts& parts)
+        {
+            parts.place &= !move.released->place;
+            parts.tangent &= !move.released->tangent;
+            parts.twist &= !move.released->twist;
+        };
+        release(now.parts);
+        if (move.place.kind == MovePlace::Kind::Whole && !spline.is_closed())
+            release(holds.back().parts);
         return;
     }
     const SplineHold rest = spline.rest_holds()[point];
@@ -288,10 +299,10 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
     for (const Move& move : frame.moves)
         if (skeleton && skeleton->find(move.region) >= 0)
             moves_of_joints.push_back(&move);
-        else if (move.place.kind == MovePlace::Kind::Whole)
-            moves[move.region] = &move;
-        else
+        else if (is_of_points(move))
             moves_of_points[move.region].push_back(&move);
+        else
+            moves[move.region] = &move;
     FramePlan plan;
     if (skeleton)
     {

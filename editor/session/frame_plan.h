@@ -54,6 +54,10 @@ struct FramePlan
     std::vector<Motion> motions(double t) const;
 };
 
+/// Whether a move, not of a joint, is about points of a rod or curve, not about a region
+/// as a whole: a release of a rod as a whole is about both of its ends.
+bool is_of_points(const Move& move);
+
 /// What a move or a release of a point makes of what holds a rod or curve, in
 /// frame \p frame. Throws Fault::Malformed.
 void hold_point(const Move& move, const SplineHandle& spline, const Units& units,

@@ -299,6 +299,8 @@ TEST(HandleFile, refuses_rods_and_curves_that_cannot_be)
     tells(moved + "move r point 3 translate 1 0 0\n", "point: got 3, need 0 to 2");
     tells(moved + "release r point 1 colour\n", "need place, tangent or twist");
     tells(moved + "release r\n", "only a joint, or a point, start or end of a rod");
+    tells(moved + "release h twist\n", "only a joint, or a point, start or end of a rod");
+    tells(moved + "release r twist\nrelease r tangent\n", "r: is released twice");
     tells(moved + "move h translate 1 0 0 from r\n",
           "from: comes after the 'to' of a joint");
     tells("rod r through " + points +

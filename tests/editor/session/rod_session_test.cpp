@@ -148,6 +148,24 @@ TEST(RodSession, a_rod_led_along_an_arc_has_the_energy_of_its_curvature)
         EXPECT_LT((rod.points[k] - on_arc(k / 4.0)).norm(), 1e-3);
 }
 
+TEST(RodSession, a_release_of_the_twist_alone_is_of_both_ends)
+{
+    const std::string bend = "move spine point 2 translate 0.3 0 0\n";
+    const Session whole =
+        played(long_bar(), kSpine + "frame 1\nrelease spine twist\n" + bend, settings(8));
+    const Session ends = played(
+        long_bar(),
+        kSpine + "frame 1\nrelease spine start twist\nrelease spine end twist\n" + bend,
+        settings(8));
+    EXPECT_EQ(whole.deformed().samples, ends.deformed().samples);
+    const RodReport rod = whole.rods()[0];
+    for (const std::size_t k : {0u, 4u})
+    {
+        EXPECT_FALSE(rod.holds[k].twist);
+        EXPECT_TRUE(rod.holds[k].tangent);
+    }
+}
+
 TEST(RodSession, a_turned_end_twists_the_bar_evenly)
 {
     const Session session =
