@@ -11,6 +11,7 @@
 
 #include "editor/session/flat.h"
 #include "io/error.h"
+#include "octree/base/half_turn.h"
 #include "octree/base/index.h"
 
 namespace cellwarp
@@ -164,6 +165,31 @@ std::int64_t line_of(const FrameStatement& frame, const std::string& region)
     return frame.line;
 }
 
+/// Regions that turn by half a turn, together where they turn alike.
+std::vector<std::vector<std::size_t>>
+half_turns_of(std::span<const HandleTrajectory> paths)
+{
+    std::vector<std::vector<std::size_t>> groups;
+    std::vector<Eigen::Matrix3d> turns;
+    for (std::size_t r = 0; r < paths.size(); ++r)
+        if (const std::optional<Eigen::Matrix3d> turn = paths[r].half_turn())
+        {
+            const auto like =
+                std::find_if(turns.begin(), turns.end(),
+                             [&](const Eigen::Matrix3d& other) {
+                                 return (other - *turn).norm() <= 4.0 * kHalfTurnRounding;
+                             });
+            if (like == turns.end())
+            {
+                turns.push_back(*turn);
+                groups.push_back({r});
+            }
+            else
+                groups[static_cast<std::size_t>(like - turns.begin())].push_back(r);
+        }
+    return groups;
+}
+
 } // namespace
 
 StageAims rest_aims(const RegionSet& regions)
@@ -263,6 +289,14 @@ bool FramePlan::is_wound() const
 {
     return std::any_of(paths.begin(), paths.end(),
                        [](const HandleTrajectory& path) { return path.is_wound(); });
+}
+
+FramePlan FramePlan::reversed(std::span<const std::size_t> regions) const
+{
+    FramePlan other = *this;
+    for (const std::size_t r : regions)
+        other.paths[r] = paths[r].reversed();
+    return other;
 }
 
 std::vector<Motion> FramePlan::motions(double t) const
@@ -404,6 +438,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                            "to an extreme",
                                            frame.number, regions[r].name, kExtremeMove));
     }
+    plan.half_turns = half_turns_of(plan.paths);
     check_overlaps(motions, regions, rest, file, frame.line);
     if (frame.is_asked && frame.moves.empty() && !skeleton && !has_led && plan.stands())
         warnings.push_back(at({file, frame.line, ""},

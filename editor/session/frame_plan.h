@@ -44,12 +44,17 @@ struct FramePlan
     std::shared_ptr<const SkeletonHandle> skeleton;
     SkeletonAim from_pose, to_pose;
     std::vector<int> joint_of_region; ///< -1: no bone
-    int num_parts = 1;                ///< in which the way is gone
+    /// Regions that turn by half a turn, of which nothing says which way round, those
+    /// together that turn alike.
+    std::vector<std::vector<std::size_t>> half_turns;
+    int num_parts = 1; ///< in which the way is gone
 
     /// Whether no region moves.
     bool stands() const;
     /// Whether a region turns by more than half a turn.
     bool is_wound() const;
+    /// The same plan, but these regions go the other way round.
+    FramePlan reversed(std::span<const std::size_t> regions) const;
     /// Of the regions, at \p t of the way in [0, 1].
     std::vector<Motion> motions(double t) const;
 };

@@ -13,6 +13,7 @@
 
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/base/half_turn.h"
 #include "octree/base/index.h"
 #include "octree/base/nearest_rotation.h"
 
@@ -31,14 +32,20 @@ Motion about_point(const Eigen::Matrix3d& R, const Eigen::Vector3d& centre)
 }
 
 /// The part \p t of the screw motion \p motion of the shortest angle: a turn about
-/// an axis in space and a shift along it.
-Motion part_of_screw(const Motion& motion, double t)
+/// an axis in space and a shift along it. \p is_reversed: half a turn goes the other way
+/// round.
+Motion part_of_screw(const Motion& motion, double t, bool is_reversed)
 {
     const Eigen::Vector3d rotation = rotation_vector(motion.R);
-    const double angle = rotation.norm();
+    double angle = rotation.norm();
     if (angle == 0.0)
         return {Eigen::Matrix3d::Identity(), t * motion.t};
-    const Eigen::Vector3d axis = rotation / angle;
+    Eigen::Vector3d axis = rotation / angle;
+    if (is_reversed && is_half_turn(motion.R))
+    {
+        axis = -axis;
+        angle = 2.0 * std::numbers::pi - angle;
+    }
     const Eigen::Vector3d along = axis.dot(motion.t) * axis;
     const Eigen::Vector3d across = motion.t - along;
     // The axis passes through c with (I - R) c = across, c normal to the axis:
@@ -85,7 +92,7 @@ Step at_zero(Step step)
     return step;
 }
 
-Step between(const Step& from, const Step& to, double t)
+Step between(const Step& from, const Step& to, double t, bool is_reversed)
 {
     Step step = to;
     step.angle = from.angle + t * (to.angle - from.angle);
@@ -93,7 +100,8 @@ Step between(const Step& from, const Step& to, double t)
     if (to.kind == Step::Kind::Translate)
         step.vector = from.vector + t * (to.vector - from.vector);
     if (to.kind == Step::Kind::Screw)
-        step.motion = part_of_screw(to.motion * inverse(from.motion), t) * from.motion;
+        step.motion =
+            part_of_screw(to.motion * inverse(from.motion), t, is_reversed) * from.motion;
     return step;
 }
 
@@ -234,11 +242,11 @@ Motion HandleTrajectory::at(double t) const
     if (!is_same_)
     {
         const Motion from = motion_of(from_);
-        return part_of_screw(motion_of(to_) * inverse(from), t) * from;
+        return part_of_screw(motion_of(to_) * inverse(from), t, is_reversed_) * from;
     }
     std::vector<Step> steps;
     for (std::size_t i = 0; i < to_.size(); ++i)
-        steps.push_back(between(from_[i], to_[i], t));
+        steps.push_back(between(from_[i], to_[i], t, is_reversed_));
     return motion_of(steps);
 }
 
@@ -248,6 +256,33 @@ bool HandleTrajectory::is_wound() const
     { return std::abs(step.angle) > std::numbers::pi; };
     return std::any_of(from_.begin(), from_.end(), winds) ||
            std::any_of(to_.begin(), to_.end(), winds);
+}
+
+/// Those that it goes along.
+std::vector<Motion> HandleTrajectory::screws() const
+{
+    if (!is_same_)
+        return {motion_of(to_) * inverse(motion_of(from_))};
+    std::vector<Motion> screws;
+    for (std::size_t i = 0; i < to_.size(); ++i)
+        if (to_[i].kind == Step::Kind::Screw)
+            screws.push_back(to_[i].motion * inverse(from_[i].motion));
+    return screws;
+}
+
+std::optional<Eigen::Matrix3d> HandleTrajectory::half_turn() const
+{
+    for (const Motion& screw : screws())
+        if (is_half_turn(screw.R))
+            return screw.R;
+    return std::nullopt;
+}
+
+HandleTrajectory HandleTrajectory::reversed() const
+{
+    HandleTrajectory other = *this;
+    other.is_reversed_ = !is_reversed_;
+    return other;
 }
 
 int HandleTrajectory::num_parts(const Eigen::Vector3d& low, const Eigen::Vector3d& high,

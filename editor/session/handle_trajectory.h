@@ -4,6 +4,7 @@
 #pragma once
 
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -72,7 +73,8 @@ Motion motion_of(const std::vector<Step>& steps);
 
 /// The way of one region from its last steps to its new ones: step by step where
 /// both lists have the same operations (no list counts as the same at zero), else
-/// along one screw motion of the shortest angle.
+/// along one screw motion of the shortest angle. A screw of half a turn could go either
+/// way round: it goes as rotation_vector() says, or the other way, see reversed().
 class HandleTrajectory
 {
 public:
@@ -88,10 +90,17 @@ public:
     /// Whether it begins or ends more than half a turn from rest: its end alone does not
     /// tell how the material is wound then.
     bool is_wound() const;
+    /// The first screw of half a turn that it goes along, as a rotation; none: the
+    /// statements say which way round it goes.
+    std::optional<Eigen::Matrix3d> half_turn() const;
+    /// The same way, but along screws of half a turn the other way round.
+    HandleTrajectory reversed() const;
 
 private:
+    std::vector<Motion> screws() const;
+
     std::vector<Step> from_, to_;
-    bool is_same_ = true;
+    bool is_same_ = true, is_reversed_ = false;
 };
 
 } // namespace cellwarp

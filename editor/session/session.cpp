@@ -13,7 +13,7 @@
 #include "editor/session/apply_field.h"
 #include "editor/session/deformation.h"
 #include "editor/session/flat.h"
-#include "editor/session/frame_solver.h"
+#include "editor/session/half_turn_ways.h"
 #include "editor/session/holding_warnings.h"
 #include "editor/session/memory_limit.h"
 #include "io/error.h"
@@ -586,11 +586,13 @@ void Session::solve_frame(FrameReport& report)
     else
     {
         s.field.reset(); // it is of the last frame's cells
-        FrameSolver solver(s.system, s.refiner, s.plan, settings_, frames_done_);
-        solver.solve(report);
-        if (report.refinements > 0)
+        SolvedWays ways = solve_half_turns(s.system, s.refiner, s.plan, settings_,
+                                           frames_done_, report);
+        if (report.refinements > 0 || !s.plan.half_turns.empty())
             s.fitter.reset();
-        if (solver.is_left_wound())
+        for (std::string& warning : ways.warnings)
+            warnings_.push_back(std::move(warning));
+        if (ways.is_left_wound)
             warnings_.push_back(fmt::format(
                 "frame {}: the material is wound farther than it is stable: it "
                 "is left where it would begin to lose turns",

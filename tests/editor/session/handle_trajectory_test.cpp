@@ -112,6 +112,28 @@ TEST(HandleTrajectory, half_a_turn_by_matrix_is_deterministic)
     }
 }
 
+TEST(HandleTrajectory, half_a_turn_by_matrix_can_go_the_other_way_round)
+{
+    const HandleTrajectory path({}, steps("matrix -1 0 0 0 0 -1 0 4 0 0 1 2 0 0 0 1"));
+    ASSERT_TRUE(path.half_turn());
+    const HandleTrajectory other = path.reversed();
+    ASSERT_TRUE(other.half_turn());
+    // About the axis through (0, 2), with half of the shift along it.
+    EXPECT_LT((path.at(0.5)({1, 2, 0}) - Eigen::Vector3d(0, 3, 1)).norm(), 1e-12);
+    EXPECT_LT((other.at(0.5)({1, 2, 0}) - Eigen::Vector3d(0, 1, 1)).norm(), 1e-12);
+    EXPECT_EQ(path.at(1.0).R, other.at(1.0).R);
+    EXPECT_EQ(path.at(1.0).t, other.at(1.0).t);
+    EXPECT_LT((other.reversed().at(0.3).R - path.at(0.3).R).norm(), 1e-15);
+    // An axis and an angle say which way, and so does any other angle.
+    EXPECT_FALSE(HandleTrajectory({}, steps("rotate 0 0 1 180")).half_turn());
+    EXPECT_FALSE(HandleTrajectory({}, steps("matrix 0 -1 0 0 1 0 0 0 0 0 1 0 0 0 0 1"))
+                     .half_turn());
+    // From other operations it is the way between the two that counts.
+    EXPECT_TRUE(HandleTrajectory(steps("rotate 0 0 1 90"),
+                                 steps("matrix 0 1 0 0 -1 0 0 0 0 0 1 0 0 0 0 1"))
+                    .half_turn());
+}
+
 TEST(HandleTrajectory, only_rigid_matrices_are_taken)
 {
     const auto refused = [](const std::string& matrix)
