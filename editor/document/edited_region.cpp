@@ -9,6 +9,7 @@
 
 #include "editor/session/frame_plan.h"
 #include "editor/session/regions.h"
+#include "editor/session/spline_holds.h"
 #include "octree/base/index.h"
 
 namespace cellwarp
@@ -215,7 +216,7 @@ std::vector<EditedPoint> points_of(const EditedRegion& region,
         points.push_back({work.to_model(rest[k].place), work.to_model(holds[k].place),
                           work.axes.transpose() * holds[k].tangent,
                           holds[k].turn * 180.0 / std::numbers::pi, holds[k].parts,
-                          spline.has_frame_at(k)});
+                          holds[k].is_told, spline.has_frame_at(k)});
     return points;
 }
 
@@ -231,8 +232,9 @@ SplineHolds holds_of(const EditedRegion& region, const SplineHandle& spline,
             holds[k].place = frame.to_work(point.place);
         holds[k].tangent = frame.axes * point.tangent;
         holds[k].turn = point.degrees * std::numbers::pi / 180.0;
+        holds[k].is_told = point.is_told;
     }
-    return holds;
+    return held_line(spline, std::move(holds)).holds;
 }
 
 EditedPoint moved(EditedPoint point, const PointPlacement& to)

@@ -42,6 +42,7 @@ struct EditedPoint
     Eigen::Vector3d tangent = Eigen::Vector3d::Zero();
     double degrees = 0.0; ///< turn about the tangent
     HoldParts parts;
+    bool is_told = false;  ///< the tangent; else it is that of rest
     bool has_frame = true; ///< false: a control point off the line
 
     bool operator==(const EditedPoint&) const = default;

@@ -7,6 +7,7 @@
 #include <stop_token>
 
 #include "editor/document/worker.h"
+#include "editor/session/spline_holds.h"
 #include "octree/base/clock.h"
 #include "octree/base/parallel.h"
 
@@ -166,11 +167,14 @@ struct LiveDrag::State
                 continue;
             const SplineHandle& rod = *prepared.source.regions->regions()[r].spline;
             const SplineHolds from = bent_to[r].empty() ? wanted : bent_to[r];
+            std::optional<HoldWay> way;
             for (const int parts : {1, kPartsOfBend})
             {
                 std::shared_ptr<const SplineState> now = splines[r];
+                if (parts > 1)
+                    way.emplace(rod, *now, from, wanted);
                 for (int part = 1; part <= parts && now; ++part)
-                    now = rod.moved(*now, between(from, wanted, double(part) / parts),
+                    now = rod.moved(*now, way ? way->at(double(part) / parts) : wanted,
                                     false);
                 if (!now)
                     continue;

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "editor/session/flat.h"
+#include "editor/session/spline_holds.h"
 #include "io/error.h"
 #include "octree/base/half_turn.h"
 #include "octree/base/index.h"
@@ -115,20 +116,15 @@ double way_to_guide(const RegionSet& regions, std::size_t pin, const RestShape& 
 
 /// In how many parts the points of a rod or curve go their way; \p size: what they go a
 /// quarter of at the most.
-int num_parts_of(const SplineHolds& from, const SplineHolds& to, double size)
+int num_parts_of(const SplineHandle& spline, const SplineHolds& from,
+                 const SplineHolds& to, double size)
 {
-    int parts = 1;
-    for (std::size_t k = 0; k < to.size(); ++k)
-    {
-        const double turn = std::max(
-            std::abs(to[k].turn - from[k].turn),
-            std::acos(std::clamp(to[k].tangent.dot(from[k].tangent), -1.0, 1.0)));
-        parts = std::max(
-            parts,
-            parts_of_way(turn,
-                         size > 0 ? (to[k].place - from[k].place).norm() / size : 0.0));
-    }
-    return parts;
+    if (from == to)
+        return 1;
+    double way = 0.0;
+    for (std::size_t k = 0; k < to.size() && size > 0; ++k)
+        way = std::max(way, (to[k].place - from[k].place).norm() / size);
+    return parts_of_way(turn_between(spline, from, to), way);
 }
 
 /// Of limits that cut turns, and places that are out of reach.
@@ -251,6 +247,7 @@ void hold_point(const Move& move, const SplineHandle& spline, const Units& units
         }
         case Operation::Kind::Tangent:
             now.parts.tangent = true;
+            now.is_told = true;
             now.tangent = (units.frame.axes *
                            (operation.vector / operation.vector.cwiseAbs().maxCoeff()))
                               .normalized();
@@ -390,10 +387,17 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
             to = from;
             for (const Move* const move : moves_of_points[regions[r].name])
                 hold_point(*move, *spline, units, file, frame.number, to);
-            aims[r].holds = to;
-            plan.num_parts =
-                std::max(plan.num_parts,
-                         num_parts_of(from, to, std::min(far, spline->rest()->length())));
+            HeldLine line = held_line(*spline, std::move(to));
+            if (line.turns_back && line.holds != from)
+                warnings.push_back(
+                    at({file, line_of(frame, regions[r].name), regions[r].name},
+                       fmt::format("frame {}: its line turns exactly back: it could go "
+                                   "round any side, more of its points tell which",
+                                   frame.number)));
+            aims[r].holds = to = std::move(line.holds);
+            plan.num_parts = std::max(
+                plan.num_parts,
+                num_parts_of(*spline, from, to, std::min(far, spline->rest()->length())));
         }
         std::shared_ptr<const SplineState>& to_led = plan.led.emplace_back();
         has_led |= regions[r].is_led();

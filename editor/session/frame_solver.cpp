@@ -230,29 +230,30 @@ struct FrameSolver::Start
     CellSystemState state;
 };
 
-/// What the plan has them begin from; of what was not held, where it is.
-std::vector<SplineHolds> FrameSolver::start_of_holds() const
+/// What the plan has a rod or curve begin from; of what was not held, where it is.
+SplineHolds FrameSolver::start_of_holds(std::size_t region) const
 {
-    std::vector<SplineHolds> starts = plan_.from_holds;
-    for (std::size_t r = 0; r < starts.size(); ++r)
+    SplineHolds start = plan_.from_holds[region];
+    const SplineState& now = *system_.splines()[region];
+    const SplineHandle& spline = *system_.regions()[region].spline;
+    const std::vector<Eigen::Vector3d> points = now.points();
+    for (std::size_t k = 0; k < start.size(); ++k)
     {
-        if (starts[r].empty())
-            continue;
-        const SplineState& now = *system_.splines()[r];
-        const SplineHandle& spline = *system_.regions()[r].spline;
-        const std::vector<Eigen::Vector3d> points = now.points();
-        for (std::size_t k = 0; k < starts[r].size(); ++k)
-        {
-            SplineHold& hold = starts[r][k];
-            if (!hold.parts.place)
-                hold.place = points[k];
-            if (spline.has_frame_at(k) && !hold.parts.tangent)
-                hold.tangent = now.frame_at_point(k).col(2);
-            if (spline.has_frame_at(k) && !hold.parts.twist)
-                hold.turn = now.turn_at_point(k);
-        }
+        if (!start[k].parts.place)
+            start[k].place = points[k];
+        if (spline.has_frame_at(k) && !start[k].parts.twist)
+            start[k].turn = now.turn_at_point(k);
     }
-    return starts;
+    return start;
+}
+
+void FrameSolver::find_hold_ways()
+{
+    hold_ways_.assign(plan_.to_holds.size(), std::nullopt);
+    for (std::size_t r = 0; r < hold_ways_.size(); ++r)
+        if (plan_.from_holds[r] != plan_.to_holds[r])
+            hold_ways_[r].emplace(*system_.regions()[r].spline, *system_.splines()[r],
+                                  start_of_holds(r), plan_.to_holds[r]);
 }
 
 /// The rods and curves at \p t of the way, from where they are, at \p last of it. Where a
@@ -266,15 +267,15 @@ std::vector<std::shared_ptr<const SplineState>> FrameSolver::bent(double last,
         const Region& region = system_.regions()[r];
         if (plan_.led[r])
             splines[r] = on_the_way(*region.spline, from_splines_[r], plan_.led[r], t);
-        if (!splines[r] || plan_.from_holds[r] == plan_.to_holds[r])
+        if (!hold_ways_[r])
             continue;
         double done = last, part = t - last;
         while (done < t)
         {
             const double next = std::min(done + part, t);
-            if (std::shared_ptr<const SplineState> moved = region.spline->moved(
-                    *splines[r], between(from_holds_[r], plan_.to_holds[r], next),
-                    part * 0.5 < kLeastPart * (t - last)))
+            if (std::shared_ptr<const SplineState> moved =
+                    region.spline->moved(*splines[r], hold_ways_[r]->at(next),
+                                         part * 0.5 < kLeastPart * (t - last)))
             {
                 splines[r] = std::move(moved);
                 done = next;
@@ -305,7 +306,7 @@ void FrameSolver::travel(Way& way, int& steps, Accuracy at_end)
         system_.pin_ways(plan_.motions(0.0), plan_.motions(1.0));
     for (const CellSystem::PinWay& pin : pins)
         way.parts = std::max(way.parts, pin.around.num_parts(pin.from, pin.from, 0.0));
-    from_holds_ = start_of_holds();
+    find_hold_ways();
     from_splines_ = system_.splines();
     const double left = system_.way_left();
     double gone = 0.0; ///< of the way

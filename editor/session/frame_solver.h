@@ -14,6 +14,7 @@
 #include "editor/session/frame_plan.h"
 #include "editor/session/frame_report.h"
 #include "editor/session/session_settings.h"
+#include "editor/session/spline_holds.h"
 
 namespace cellwarp
 {
@@ -57,7 +58,8 @@ private:
     bool may_miss_a_minimum(const Way& way) const;
     void start_again(const Start& start, Way& way, FrameReport& report);
     void part_regions(FrameReport& report);
-    std::vector<SplineHolds> start_of_holds() const;
+    SplineHolds start_of_holds(std::size_t region) const;
+    void find_hold_ways();
     std::vector<std::shared_ptr<const SplineState>> bent(double last, double t) const;
 
     CellSystem& system_;
@@ -65,8 +67,8 @@ private:
     const FramePlan& plan_;
     const SessionSettings& settings_;
     std::size_t frames_done_;
-    std::int64_t frame_ = 0;              ///< its number
-    std::vector<SplineHolds> from_holds_; ///< of rods and curves, where they begin
+    std::int64_t frame_ = 0;                        ///< its number
+    std::vector<std::optional<HoldWay>> hold_ways_; ///< of rods and curves that move
     std::vector<std::shared_ptr<const SplineState>> from_splines_;
     bool is_left_wound_ = false;
 };

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <utility>
 
-#include <Eigen/Geometry>
-
 #include "editor/session/handle_trajectory.h"
 
 namespace cellwarp
@@ -14,16 +12,29 @@ namespace cellwarp
 namespace
 {
 
-/// Places of a rod at which two of its states are compared.
-constexpr int kPlacesOfRod = 33;
+/// How the frames turn, at the stations of the rod.
+std::vector<Eigen::Matrix3d> turns_of(const SplineHandle& rod, const SplineState& state)
+{
+    std::vector<Eigen::Matrix3d> turns;
+    for (const LineStation& station : rod.stations())
+        turns.push_back(state.carry(station.parameter).R);
+    return turns;
+}
 
-/// Each place goes straight to where it is to be, its frame by the shortest turn.
+LineBending bending(const SplineHandle& rod, const SplineState& from,
+                    const SplineState& to)
+{
+    return {turns_of(rod, from), turns_of(rod, to)};
+}
+
+/// Each place goes straight to where it is to be, its frame along the rod's bend.
 class OnTheWay final : public LedState
 {
 public:
     OnTheWay(const SplineHandle& rod, std::shared_ptr<const SplineState> from,
              std::shared_ptr<const SplineState> to, double t)
-        : rest_(rod.rest()), from_(std::move(from)), to_(std::move(to)), t_(t)
+        : rod_(rod), rest_(rod.rest()), from_(std::move(from)), to_(std::move(to)), t_(t),
+          turns_(bending(rod, *from_, *to_).at(t))
     {
     }
 
@@ -37,11 +48,21 @@ public:
     {
         const Motion a = from_->carry(s), b = to_->carry(s);
         const Eigen::Vector3d place = rest_->at(s).place;
+        // From the last station before, by what both states bend from there on.
+        const std::vector<LineStation>& stations = rod_.stations();
+        const auto next = std::upper_bound(stations.begin() + 1, stations.end(), s,
+                                           [](double at, const LineStation& station)
+                                           { return at < station.parameter; });
+        const std::size_t last = static_cast<std::size_t>(next - stations.begin()) - 1;
+        const double near = stations[last].parameter;
+        const Eigen::Vector3d bend =
+            mixed(rotation_vector(from_->carry(near).R.transpose() * a.R),
+                  rotation_vector(to_->carry(near).R.transpose() * b.R));
+        const double angle = bend.norm();
         Motion motion;
-        motion.R = Eigen::Quaterniond(a.R)
-                       .slerp(t_, Eigen::Quaterniond(b.R))
-                       .normalized()
-                       .toRotationMatrix();
+        motion.R = turns_[last];
+        if (angle > 0.0)
+            motion.R = motion.R * rotation_about(bend / angle, angle);
         motion.t = mixed(a(place), b(place)) - motion.R * place;
         return motion;
     }
@@ -56,8 +77,10 @@ private:
         return (1.0 - t_) * a + t_ * b;
     }
 
+    const SplineHandle& rod_;
     std::shared_ptr<const SplineState> rest_, from_, to_;
     double t_;
+    std::vector<Eigen::Matrix3d> turns_; ///< of the stations
 };
 
 } // namespace
@@ -75,15 +98,13 @@ std::shared_ptr<const SplineState> on_the_way(const SplineHandle& rod,
 int parts_between(const SplineHandle& rod, const SplineState& from, const SplineState& to,
                   double size)
 {
-    double turn = 0.0, way = 0.0;
-    for (int k = 0; k < kPlacesOfRod; ++k)
-    {
-        const double s = rod.begin() + (rod.end() - rod.begin()) *
-                                           (static_cast<double>(k) / (kPlacesOfRod - 1));
-        const Motion a = from.carry(s), b = to.carry(s);
-        turn = std::max(turn, Eigen::AngleAxisd(a.R.transpose() * b.R).angle());
-        way = std::max(way, (to.at(s).place - from.at(s).place).norm());
-    }
+    const std::vector<double> turns = bending(rod, from, to).turns();
+    const double turn = *std::max_element(turns.begin(), turns.end());
+    double way = 0.0;
+    for (const LineStation& station : rod.stations())
+        way = std::max(
+            way,
+            (to.at(station.parameter).place - from.at(station.parameter).place).norm());
     return parts_of_way(turn, size > 0 ? way / size : 0.0);
 }
 

@@ -34,7 +34,8 @@ public:
     double turn_at_point(std::size_t) const final { return 0.0; }
 };
 
-/// At \p t in [0, 1] of the way between two states of a rod; exactly \p to at 1.
+/// At \p t in [0, 1] of the way between two states of a rod, which must outlive it;
+/// exactly \p to at 1.
 std::shared_ptr<const SplineState> on_the_way(const SplineHandle& rod,
                                               std::shared_ptr<const SplineState> from,
                                               std::shared_ptr<const SplineState> to,

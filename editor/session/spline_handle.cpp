@@ -19,6 +19,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "editor/session/spline_holds.h"
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
 #include "solver/coupled/rod_motion.h"
@@ -43,23 +44,13 @@ constexpr double kSlender = 1e4;
 /// Straight pieces of a span.
 constexpr int kPieces = 8;
 
-/// A twist that is held where the tangent is not is told again for the tangent that came
-/// out, so often, until it turns by no more [rad].
+/// A twist that is held where the tangent is not is told again for the line that came
+/// out, so often, until it is off by no more [rad].
 constexpr int kRounds = 20;
-constexpr double kSameTangent = 1e-11;
+constexpr double kSameTurn = 1e-11;
 
 /// Newton's steps of a rod.
 constexpr int kIterations = 200;
-
-/// The shortest turn from one unit vector to another; to the opposite one as between()
-/// goes there.
-Matrix3d hop(const Vector3d& from, const Vector3d& to)
-{
-    if (from.dot(to) < -1.0 + 1e-12)
-        return Eigen::AngleAxisd(std::numbers::pi, from.unitOrthogonal())
-            .toRotationMatrix();
-    return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
-}
 
 /// How control points follow places: those of points on the curve, the others by the
 /// least integral of |P''|^2.
@@ -198,6 +189,7 @@ public:
     double begin() const override { return rod_.basis().begin(); }
     double end() const override { return rod_.basis().end(); }
     const std::vector<Vector3d>& polyline() const override { return polyline_; }
+    const std::vector<LineStation>& stations() const override { return stations_; }
     std::shared_ptr<const SplineState> rest() const override { return is_rest_shared_; }
     double nearest(const Vector3d& x) const override;
     SplineHolds rest_holds() const override;
@@ -222,6 +214,7 @@ public:
     const std::vector<Vector3d>& points() const { return points_; }
     const Rod& rod() const { return rod_; }
     const RodState& rest_state() const { return rest_; }
+    double turn_at(const RodState& now, std::size_t point, std::size_t anchor) const;
 
 private:
     Spline curve(const SplineStatement& statement, std::span<const Vector3d> points)
@@ -256,8 +249,9 @@ private:
     }
     void add_place(double s)
     {
-        at_polyline_.push_back(s);
-        polyline_.push_back(rod_.rest().at(s).place);
+        const CurvePoint at = rod_.rest().at(s);
+        polyline_.push_back(at.place);
+        stations_.push_back({s, rod_.arc_length().at(s), at.first.normalized()});
     }
     double nearest_on_curve(const Vector3d& x) const;
     double polished(double s, double reach, const Vector3d& x) const;
@@ -283,7 +277,7 @@ private:
     Rod rod_;
     RodState rest_;
     std::vector<Vector3d> polyline_;
-    std::vector<double> at_polyline_;
+    std::vector<LineStation> stations_; ///< of the polyline
     Eigen::MatrixXd follow_; ///< of a curve through points: control points by points
     std::shared_ptr<const HandleState> is_rest_shared_;
 };
@@ -313,10 +307,7 @@ Matrix3d HandleState::frame_at_point(std::size_t point) const
 
 double HandleState::turn_at_point(std::size_t point) const
 {
-    const double s = of_.parameter_of_point(point);
-    const Matrix3d now = state_.frame(s), rest = of_.rest_state().frame(s);
-    const Vector3d carried = hop(rest.col(2), now.col(2)) * rest.col(0);
-    return std::atan2(now.col(2).dot(carried.cross(now.col(0))), carried.dot(now.col(0)));
+    return of_.turn_at(state_, point, frame_anchor(of_, holds_));
 }
 
 double Handle::polished(double s, double reach, const Vector3d& x) const
@@ -350,8 +341,8 @@ double Handle::nearest(const Vector3d& x) const
         if (away < least)
         {
             least = away;
-            reach = at_polyline_[k + 1] - at_polyline_[k];
-            best = at_polyline_[k] + t * reach;
+            reach = stations_[k + 1].parameter - stations_[k].parameter;
+            best = stations_[k].parameter + t * reach;
         }
     }
     return polished(best, reach, x);
@@ -391,11 +382,31 @@ SplineHolds Handle::rest_holds() const
     return holds;
 }
 
+/// How far the frame at a point of \p now is turned about its tangent: at \p anchor
+/// against the shortest way from rest, from there on by what the spans are twisted.
+double Handle::turn_at(const RodState& now, std::size_t point, std::size_t anchor) const
+{
+    const double from = at_points_[anchor], to = at_points_[point];
+    const Matrix3d frame = now.frame(from), rest = rest_.frame(from);
+    const Vector3d carried =
+        shortest_turn(rest.col(2), frame.col(2), rest.col(0)) * rest.col(0);
+    double turn = std::atan2(frame.col(2).dot(carried.cross(frame.col(0))),
+                             carried.dot(frame.col(0)));
+    const double low = std::min(from, to), high = std::max(from, to);
+    const std::span<const RodSpan> spans = rod_.spans();
+    for (std::size_t e = 0; e < spans.size(); ++e)
+        if (const double middle = 0.5 * (spans[e].begin + spans[e].end);
+            middle > low && middle < high)
+            turn += (from < to ? 1.0 : -1.0) * (now.twist(e) - rest_.twist(e));
+    return turn;
+}
+
 /// What \p holds ask for; of a twist without a tangent, as seen from \p now.
 std::vector<RodConstraint> Handle::constraints(const RodState& now,
                                                const SplineHolds& holds) const
 {
     std::vector<RodConstraint> out;
+    const std::size_t anchor = frame_anchor(*this, holds);
     for (std::size_t k = 0; k < holds.size(); ++k)
     {
         const SplineHold& hold = holds[k];
@@ -413,23 +424,24 @@ std::vector<RodConstraint> Handle::constraints(const RodState& now,
         }
         if (!hold.parts.tangent && !hold.parts.twist)
             continue;
-        const Matrix3d rest = rest_.frame(constraint.s);
-        const Vector3d tangent =
-            hold.parts.tangent ? hold.tangent : now.frame(constraint.s).col(2).eval();
-        const Matrix3d frame =
-            Eigen::AngleAxisd(hold.turn, tangent) * hop(rest.col(2), tangent) * rest;
-        constraint.frame = frame;
         if (hold.parts.tangent && hold.parts.twist)
+        {
             constraint.hold = HoldKind::Frame;
+            constraint.frame = rotation_about(hold.tangent, hold.turn) * hold.carried *
+                               rest_.frame(constraint.s);
+        }
         else if (hold.parts.tangent)
         {
             constraint.hold = HoldKind::Tangent;
-            constraint.direction = tangent;
+            constraint.direction = hold.tangent;
         }
         else
         {
+            const Matrix3d frame = now.frame(constraint.s);
             constraint.hold = HoldKind::TwistAngle;
-            constraint.direction = frame.col(0);
+            constraint.direction =
+                rotation_about(frame.col(2), hold.turn - turn_at(now, k, anchor)) *
+                frame.col(0);
         }
         out.push_back(constraint);
     }
@@ -529,6 +541,7 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
     RodNewton newton(model);
     MotionOptions options;
     options.max_iterations = kIterations;
+    const std::size_t anchor = frame_anchor(*this, holds);
     for (int round = 0; round < kRounds; ++round)
     {
         const RodState before = state;
@@ -537,13 +550,11 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
         const MotionReport report = newton.solve(state, options);
         if (!is_solved(report.stop) && (!tries_all || !finds_rest(model, before, state)))
             return nullptr;
-        double turn = 0.0;
+        double off = 0.0;
         for (std::size_t k = 0; k < holds.size(); ++k)
             if (holds[k].parts.twist && !holds[k].parts.tangent)
-                turn = std::max(turn, (state.frame(at_points_[k]).col(2) -
-                                       before.frame(at_points_[k]).col(2))
-                                          .norm());
-        if (turn <= kSameTangent)
+                off = std::max(off, std::abs(turn_at(state, k, anchor) - holds[k].turn));
+        if (off <= kSameTurn)
             break;
     }
     if (stiffness_ > 0.0)

@@ -13,6 +13,7 @@
 
 #include <Eigen/Core>
 
+#include "editor/session/line_bending.h"
 #include "io/handle_file.h"
 #include "octree/base/rigid_motion.h"
 #include "solver/cells/constraints.h"
@@ -32,6 +33,10 @@ struct SplineHold
     Eigen::Vector3d place = Eigen::Vector3d::Zero();
     Eigen::Vector3d tangent = Eigen::Vector3d::Zero(); ///< unit
     double turn = 0.0;                                 ///< about the tangent [rad]
+    bool is_told = false; ///< the tangent; else it is of rest
+    /// Of a held tangent: the rotation that carries the frame of rest to it, before the
+    /// turn. Follows from all holds, see held_line().
+    Eigen::Matrix3d carried = Eigen::Matrix3d::Identity();
 
     bool operator==(const SplineHold&) const = default;
 };
@@ -59,8 +64,8 @@ public:
     virtual std::vector<Eigen::Vector3d> points() const = 0;
     /// Frame at a point: columns two directions across, tangent.
     virtual Eigen::Matrix3d frame_at_point(std::size_t point) const = 0;
-    /// By how much it is turned about the tangent there, against the shortest way from
-    /// rest [rad].
+    /// By how much it is turned about the tangent there, against the frame that is
+    /// carried along the line without twist, see frame_anchor(); whole turns count [rad].
     virtual double turn_at_point(std::size_t point) const = 0;
     /// Whether it is to the last bit where another state of the same spline is, whatever
     /// holds them.
@@ -91,6 +96,8 @@ public:
     virtual double nearest(const Eigen::Vector3d& x) const = 0;
     /// Straight pieces that follow it closely.
     virtual const std::vector<Eigen::Vector3d>& polyline() const = 0;
+    /// The corners of the polyline.
+    virtual const std::vector<LineStation>& stations() const = 0;
     /// What holds it until something is said: both ends of a rod, all of a curve.
     virtual SplineHolds rest_holds() const = 0;
     virtual std::shared_ptr<const SplineState> rest() const = 0;
@@ -130,9 +137,5 @@ make_spline_handle(const SplineStatement& statement,
 /// A line that nothing here bends: its states come from elsewhere (led_rod.h). \p rest
 /// [work], without points to hold.
 std::shared_ptr<const SplineHandle> make_led_handle(const Spline& rest, double radius);
-
-/// Between two states of holds, at \p t in [0, 1]; exactly \p to at 1. \p from has
-/// places and tangents of all points.
-SplineHolds between(const SplineHolds& from, const SplineHolds& to, double t);
 
 } // namespace cellwarp

@@ -101,7 +101,9 @@ TEST(HalfTurnWays, a_matrix_of_half_a_turn_bends_as_its_neighbours_do)
                 played(bar, kEnds + "frame 1\n" + by_matrix(axis, degrees), settings(8));
             const double off = off_arc(session, axis, degrees);
             if (degrees == 180.0)
+            {
                 EXPECT_LT(off, 1.1 * before) << axis.transpose();
+            }
             EXPECT_EQ(
                 warns(session, "frame 1: head turns by 180° with nothing that says"),
                 degrees == 180.0);

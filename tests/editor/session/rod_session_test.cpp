@@ -41,6 +41,42 @@ std::string vector_text(const Vector3d& v)
     return " " + shortest(v.x()) + " " + shortest(v.y()) + " " + shortest(v.z());
 }
 
+/// The points of the spine on an arc of \p degrees towards +y, the inner ones as well,
+/// from \p from on, which keeps its place and direction.
+std::string arc(double degrees)
+{
+    const double angle = degrees * std::numbers::pi / 180.0, radius = 4.0 / angle;
+    std::string text;
+    for (int k = 1; k <= 4; ++k)
+    {
+        const double turn = 0.25 * k * angle;
+        text += k == 4 ? "move spine end to"
+                       : "move spine point " + std::to_string(k) + " to";
+        text += vector_text(radius * Vector3d(0, 1.0 - std::cos(turn), std::sin(turn)));
+        text +=
+            k == 4 ? " tangent" + vector_text({0, std::sin(turn), std::cos(turn)}) : "";
+        text += "\n";
+    }
+    return text;
+}
+
+/// How far samples are from that arc, at the most.
+double off_arc(const Session& session, double degrees)
+{
+    const double angle = degrees * std::numbers::pi / 180.0, radius = 4.0 / angle;
+    double worst = 0.0;
+    for (std::size_t i = 0; i < session.geometry().samples.size(); ++i)
+    {
+        const Vector3d& x = session.geometry().samples[i];
+        const double turn = 0.25 * angle * x.z();
+        const Vector3d place =
+            radius * Vector3d(0, 1.0 - std::cos(turn), std::sin(turn)) +
+            Vector3d(x.x(), x.y() * std::cos(turn), -x.y() * std::sin(turn));
+        worst = std::max(worst, (session.deformed().samples[i] - place).norm());
+    }
+    return worst;
+}
+
 } // namespace
 
 TEST(RodSession, a_rod_that_nothing_moves_leaves_every_sample_where_it_is)
@@ -146,6 +182,55 @@ TEST(RodSession, a_rod_led_along_an_arc_has_the_energy_of_its_curvature)
     EXPECT_NEAR(rod.energy / (stiffness * curvature * curvature * 4.0 / 2.0), 1.0, 2e-4);
     for (std::size_t k = 0; k < 5; ++k)
         EXPECT_LT((rod.points[k] - on_arc(k / 4.0)).norm(), 1e-3);
+}
+
+TEST(RodSession, a_rod_bent_back_and_beyond_does_not_wind_the_shape_about_its_line)
+{
+    const Shape shape = long_bar();
+    double before = 0.0;
+    for (const double degrees :
+         {170.0, 179.0, 180.0, 181.0, 185.0, 190.0, 200.0, 270.0, 360.0})
+    {
+        const Session session =
+            played(shape, kSpine + "frame 1\n" + arc(degrees), settings(12));
+        const double off = off_arc(session, degrees);
+        if (degrees > 170.0 && degrees <= 200.0)
+        {
+            EXPECT_NEAR(off, before, 0.15 * before) << degrees;
+        }
+        EXPECT_LT(off, 0.35) << degrees; // a whole turn is off by more than 1
+        EXPECT_TRUE(session.warnings().empty()) << session.warnings()[0];
+        before = off;
+    }
+}
+
+TEST(RodSession, a_rod_bent_back_in_two_frames_ends_as_in_one)
+{
+    const Shape shape = long_bar();
+    const Session one = played(shape, kSpine + "frame 1\n" + arc(270), settings(12));
+    const Session two = played(
+        shape, kSpine + "frame 1\n" + arc(120) + "frame 2\n" + arc(270), settings(12));
+    EXPECT_LT(largest_difference(one.deformed().samples, two.deformed().samples), 1e-3);
+    // And straight again.
+    const Session back = played(
+        shape, kSpine + "frame 1\n" + arc(270) + "frame 2\n" + arc(1e-9), settings(12));
+    EXPECT_LT(largest_difference(back.deformed().samples, shape.samples), 1e-3);
+}
+
+TEST(RodSession, an_end_that_points_exactly_back_with_nothing_between_says_so)
+{
+    const std::string released =
+        "frame 1\nrelease spine end place\nmove spine end tangent ";
+    const auto warned = [&](const std::string& tangent)
+    {
+        const Session session =
+            played(long_bar(), kSpine + released + tangent + "\n", settings(8));
+        return !session.warnings().empty() &&
+               contains(session.warnings()[0],
+                        "spine: frame 1: its line turns exactly back");
+    };
+    EXPECT_TRUE(warned("0 0 -1"));
+    EXPECT_FALSE(warned("0 0.001 -1"));
 }
 
 TEST(RodSession, a_release_of_the_twist_alone_is_of_both_ends)
