@@ -8,6 +8,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/base/stop_scope.h"
 #include "octree/base/union_find.h"
 #include "octree/near_distances.h"
 
@@ -88,13 +89,16 @@ std::vector<MaterialRun> runs_in_parts(const VoxelGrid& grid)
         }
     };
     const std::size_t nx = idx(grid.counts().x());
+    SparseStopCheck check(1024);
     for (std::size_t row = 0; row < of_rows.size(); ++row)
     {
+        check();
         if (row % ny != 0)
             join(row, row - 1, nx);
         if (row >= ny)
             join(row, row - ny, nx * idx(grid.counts().y()));
     }
+    check_stop();
     std::int32_t num_parts = 0;
     for (std::size_t k = 0; k < runs.size(); ++k)
     {
@@ -278,7 +282,10 @@ private:
     {
         std::vector<std::size_t> next;
         std::vector<std::pair<std::size_t, std::size_t>> meetings;
+        SparseStopCheck check(4096);
         for (const std::size_t voxel : front)
+        {
+            check();
             for_neighbours(voxel,
                            [&](std::size_t other)
                            {
@@ -291,6 +298,7 @@ private:
                                else if (part_[other] != part_[voxel])
                                    meetings.emplace_back(voxel, other);
                            });
+        }
         for (const auto& [a, b] : meetings)
             if (joined_.join(part_[a], part_[b]))
             {

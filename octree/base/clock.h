@@ -19,4 +19,13 @@ inline double ms_since(Clock::time_point start)
     return 1e3 * seconds_since(start);
 }
 
+/// The point in time \p seconds after \p start; more than three years are for ever.
+inline Clock::time_point time_after(Clock::time_point start, double seconds)
+{
+    constexpr double kForEver = 1e8;
+    return seconds < kForEver ? start + std::chrono::duration_cast<Clock::duration>(
+                                            std::chrono::duration<double>(seconds))
+                              : Clock::time_point::max();
+}
+
 } // namespace cellwarp

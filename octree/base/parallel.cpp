@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/base/parallel.h"
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <stdexcept>
@@ -11,9 +12,34 @@
 #include <tbb/parallel_for.h>
 
 #include "octree/base/index.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
+
+namespace
+{
+
+/// How often a part of a loop looks at its scope, unless its grain is larger than that
+/// share of it.
+constexpr std::size_t kLooks = 64;
+
+/// Calls \p body for [begin, end), in pieces between which \p scope is looked at.
+void run_part(const ParallelBody& body, std::size_t begin, std::size_t end,
+              std::size_t grain, const StopScope* scope)
+{
+    if (!scope)
+        return body.call(body.body, begin, end);
+    const StopScope::Entered entered(scope);
+    const std::size_t piece = std::max(grain, (end - begin) / kLooks);
+    for (; begin < end; begin += piece)
+    {
+        scope->check();
+        body.call(body.body, begin, std::min(begin + piece, end));
+    }
+}
+
+} // namespace
 
 void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body)
 {
@@ -22,6 +48,7 @@ void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body
     tbb::task_group_context context;
     std::exception_ptr error;
     std::atomic_flag has_failed;
+    const StopScope* const scope = StopScope::current();
     try
     {
         tbb::parallel_for(
@@ -30,7 +57,7 @@ void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body
             {
                 try
                 {
-                    body.call(body.body, range.begin(), range.end());
+                    run_part(body, range.begin(), range.end(), grain, scope);
                 }
                 catch (...)
                 {

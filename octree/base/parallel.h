@@ -23,8 +23,9 @@ struct ParallelBody
     void (*call)(void* body, std::size_t begin, std::size_t end);
 };
 
-/// Calls \p body for parts of [0, count), on all threads, and returns when all are
-/// done; \p grain and less is not split. Throws what a part throws, EAGAIN: no thread.
+/// Calls \p body for parts of [0, count), on all threads, until all are done; \p grain
+/// and less is not split. Throws what a part throws, Stopped (stop_scope.h), EAGAIN: no
+/// thread.
 void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body);
 
 /// Calls body(begin, end) as run_parallel() does: for loops that keep something from
