@@ -16,6 +16,7 @@
 #include "io/number.h"
 #include "octree/base/clock.h"
 #include "octree/base/parallel.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -85,12 +86,19 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
     std::atomic<std::uint64_t> num_outside = 0;
     work.move = [&](const PartMotion& motion)
     {
-        num_outside += deformation.num_outside(motion.samples);
-        deformation.carry({motion.samples,
-                           {motion.direction_samples, motion.directions},
-                           {motion.tangent_samples, motion.tangents},
-                           {motion.rotation_samples, motion.rotations}},
-                          stop);
+        const StopOnRequest scope(stop);
+        try
+        {
+            num_outside += deformation.num_outside(motion.samples);
+            deformation.carry({motion.samples,
+                               {motion.direction_samples, motion.directions},
+                               {motion.tangent_samples, motion.tangents},
+                               {motion.rotation_samples, motion.rotations}});
+        }
+        catch (const Stopped&)
+        {
+            // The stream looks at the request too, and leaves no output.
+        }
     };
     work.run = [](std::size_t count, const std::function<void(std::size_t)>& job)
     { parallel_for(count, job); };

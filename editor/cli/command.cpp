@@ -152,7 +152,9 @@ counterclockwise, seen with the axis pointing at you.
     app.add_option("--max-iterations", max_iterations,
                    fmt::format("of one frame (default {})", defaults.max_iterations));
     app.add_flag("--tight", is_tight, "solve to a gradient of 1e-10 instead of 1e-6");
-    app.add_option("--time", time, "seconds that the solve of one frame may take");
+    app.add_option(
+        "--time", time,
+        "seconds that the solve of one frame may take, other cells for it included");
     add_max_memory(app, max_memory);
 }
 

@@ -8,6 +8,7 @@
 
 #include "io/error.h"
 #include "io/field_file.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -35,20 +36,17 @@ struct FieldExport::State
 
     void write()
     {
+        const StopOnRequest scope(stop.get_token());
         Session session(geometry_of(std::move(model)), std::move(handles),
                         std::move(settings));
-        for (std::size_t left = session.num_upcoming();
-             left > 0 && !stop.stop_requested(); --left)
+        for (std::size_t left = session.num_upcoming(); left > 0; --left)
         {
             session.next_frame(left == 1);
             tell([](ExportStatus& s) { ++s.frames_done; });
         }
-        const std::string bytes =
-            stop.stop_requested() ? "" : field_bytes(session.field_file());
-        if (!stop.stop_requested())
-            write_file(path, bytes, overwrite);
-        else
-            tell([](ExportStatus& s) { s.state = ExportStatus::State::Cancelled; });
+        const std::string bytes = field_bytes(session.field_file());
+        check_stop();
+        write_file(path, bytes, overwrite);
     }
 
     void fail(const char* before, const char* what) noexcept
@@ -71,12 +69,11 @@ struct FieldExport::State
         try
         {
             write();
-            tell(
-                [](ExportStatus& s)
-                {
-                    if (s.state == ExportStatus::State::Working)
-                        s.state = ExportStatus::State::Written;
-                });
+            tell([](ExportStatus& s) { s.state = ExportStatus::State::Written; });
+        }
+        catch (const Stopped&)
+        {
+            tell([](ExportStatus& s) { s.state = ExportStatus::State::Cancelled; });
         }
         catch (const Error& error)
         {
@@ -107,7 +104,6 @@ FieldExport::FieldExport(std::shared_ptr<const GeometryFile> model, HandleFile h
     s.handles = std::move(handles);
     s.settings = std::move(settings);
     s.settings.keeps_fields = true;
-    s.settings.stop = s.stop.get_token();
     s.path = std::move(path);
     s.overwrite = overwrite;
     s.thread = std::jthread([&s] { s.run(); });

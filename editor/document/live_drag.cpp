@@ -10,6 +10,7 @@
 #include "editor/session/spline_holds.h"
 #include "octree/base/clock.h"
 #include "octree/base/parallel.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -125,11 +126,14 @@ struct LiveDrag::State
         is_refined = true;
         try
         {
-            refining =
-                std::async(std::launch::async, [source = prepared.source,
-                                                state = prepared.drag->system().state(),
-                                                stop = stop_refining.get_token()]
-                           { return refined(source, state, stop); });
+            refining = std::async(std::launch::async,
+                                  [source = prepared.source,
+                                   state = prepared.drag->system().state(),
+                                   stop = stop_refining.get_token()]
+                                  {
+                                      const StopOnRequest scope(stop);
+                                      return refined(source, state);
+                                  });
         }
         catch (const std::exception&)
         {

@@ -2,6 +2,7 @@
 #include "editor/document/prepared_drag.h"
 
 #include "editor/session/sample_normals.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -40,7 +41,7 @@ PreparedDrag prepare_drag(DragSource source)
 }
 
 std::optional<PreparedDrag> refined(const DragSource& source,
-                                    const CellSystemState& state, std::stop_token stop)
+                                    const CellSystemState& state)
 {
     CellRefiner refiner = source.refiner;
     if (!refiner.is_adaptive())
@@ -49,16 +50,14 @@ std::optional<PreparedDrag> refined(const DragSource& source,
     bool is_changed = false;
     SolveOptions options;
     options.max_iterations = kSettling;
-    options.stop = stop;
     while (std::optional<CellSystem> next = refiner.finer(system))
     {
-        if (stop.stop_requested())
-            return std::nullopt;
         system = std::move(*next);
         system.solve(options);
+        check_stop();
         is_changed = true;
     }
-    if (!is_changed || stop.stop_requested())
+    if (!is_changed)
         return std::nullopt;
     DragSource finer = source;
     finer.body = system.shared_body();

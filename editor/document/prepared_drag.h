@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <stop_token>
 
 #include "editor/document/shape.h"
 #include "editor/session/cell_refiner.h"
@@ -42,8 +41,8 @@ struct PreparedDrag
 PreparedDrag prepare_drag(DragSource source);
 
 /// The same in smaller cells, where the deformation wants them; nothing where it does
-/// not, or is stopped. \p state: of the cells of \p source now.
+/// not. \p state: of the cells of \p source now.
 std::optional<PreparedDrag> refined(const DragSource& source,
-                                    const CellSystemState& state, std::stop_token stop);
+                                    const CellSystemState& state);
 
 } // namespace cellwarp

@@ -11,6 +11,7 @@
 #include "io/error.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -42,13 +43,15 @@ struct SolveWorker::State
     Clock::time_point started;
     bool is_cancelled = false;
     std::stop_source stop;                  ///< of the solve under way
+    bool is_making_shape = false;           ///< which serves other statements as well
     ScriptFingerprint asked_script, script; ///< of the request that waits; of it
     ScriptPlace end;
     SceneFile scene;
 
     // Of the thread.
     std::optional<Session> session;
-    SceneFile session_scene;
+    std::shared_ptr<const RestShape> shape; ///< of the model, until it is in the session
+    SceneFile session_scene;                ///< of both
 
     Worker<SolveRequest, Solved> worker;
 
@@ -100,25 +103,59 @@ struct SolveWorker::State
         curve.emplace_back(seconds_since(started), now.energy);
     }
 
-    /// Brings the session to the statements; false if it was stopped on the way.
-    bool solve(const SolveRequest& request)
+    void forget()
     {
-        if (!session || session_scene.settings != request.scene.settings)
+        session.reset();
+        shape.reset();
+    }
+
+    /// Makes the material of the model. Other statements that are asked for meanwhile
+    /// wait for it: who edits faster than it is made would never get it. Then it throws
+    /// Stopped.
+    void make_shape(const CellSettings& settings)
+    {
+        worker.alone([&] { is_making_shape = true; });
+        const auto finish = [this]
         {
-            session.reset();
+            is_making_shape = false;
+            if (worker.is_asked())
+                stop.request_stop();
+        };
+        try
+        {
+            shape = build_rest_shape(model->geometry, model->geometry.samples, settings);
+        }
+        catch (...)
+        {
+            worker.alone(finish);
+            throw;
+        }
+        worker.alone(finish);
+        check_stop();
+    }
+
+    /// Brings the session to the statements.
+    void solve(const SolveRequest& request)
+    {
+        if (session_scene.settings != request.scene.settings)
+        {
+            forget();
+            session_scene = request.scene;
+        }
+        if (session)
+            session->set_script(request.handles);
+        else
+        {
             SessionSettings settings = settings_of(request.scene);
             settings.keeps_checkpoints = true;
             settings.cells.max_memory = default_memory_limit();
-            settings.stop = stop.get_token();
             settings.watch = [this](const FrameProgress& now)
             { tell([&](SolveStatus& s) { watch(s, now); }); };
-            session.emplace(geometry_of(model), request.handles, settings);
-            session_scene = request.scene;
+            if (!shape)
+                make_shape(settings.cells);
+            session.emplace(geometry_of(model), request.handles, settings, shape);
+            shape.reset();
         }
-        else
-            session->set_script(request.handles, stop.get_token());
-        if (!session->system())
-            return false;
         tell(
             [&](SolveStatus& s)
             {
@@ -129,12 +166,7 @@ struct SolveWorker::State
                 s.frames_before -= s.frames_to_do;
             });
         for (std::size_t left = session->num_upcoming(); left > 0; --left)
-        {
             session->next_frame(left == 1);
-            if (!session->system())
-                return false;
-        }
-        return true;
     }
 
     void describe(SolveStatus& s) const
@@ -223,18 +255,10 @@ struct SolveWorker::State
 
     void work_on(const SolveRequest& request)
     {
+        const StopOnRequest scope(worker.alone([&] { return stop.get_token(); }));
         try
         {
-            if (!solve(request))
-            {
-                worker.alone(
-                    [&]
-                    {
-                        if (is_cancelled) // else another request is there
-                            say_cancelled();
-                    });
-                return;
-            }
+            solve(request);
             tell([](SolveStatus& s) { s.state = SolveStatus::State::Field; });
             Solved out = result_of(request);
             SolveStatus done;
@@ -251,18 +275,27 @@ struct SolveWorker::State
                     status = std::move(done);
                 });
         }
+        catch (const Stopped&)
+        {
+            worker.alone(
+                [&]
+                {
+                    if (is_cancelled) // else another request is there
+                        say_cancelled();
+                });
+        }
         catch (const Error& error)
         {
             fail(request, error.what());
         }
         catch (const std::bad_alloc&)
         {
-            session.reset();
+            forget();
             fail(request, "out of memory: fewer cells need less");
         }
         catch (const std::exception& error)
         {
-            session.reset();
+            forget();
             fail(request, std::string("internal error: ") + error.what());
         }
     }
@@ -279,7 +312,7 @@ struct SolveWorker::State
             }
             catch (const std::exception&) // not even memory to say what was wrong
             {
-                session.reset();
+                forget();
                 tell(
                     [](SolveStatus& s)
                     {
@@ -313,7 +346,9 @@ void SolveWorker::ask(SolveRequest request)
                                 script.up_to(s.end) == s.script.up_to(s.end) &&
                                 asked.scene.settings == s.scene.settings;
                      };
-                     if (s.worker.is_working() && !goes_on())
+                     const bool is_shape_wanted =
+                         s.is_making_shape && asked.scene.settings == s.scene.settings;
+                     if (s.worker.is_working() && !goes_on() && !is_shape_wanted)
                          s.stop.request_stop();
                      s.asked_script = std::move(script);
                  });

@@ -666,9 +666,9 @@ DeformedSamples FleshSimulation::deformed()
             poses[c].p += shares[k] / model_->metre *
                           snapshot_.state.u.segment<3>(3 * lattice.cells[c][k]);
     }
-    const std::optional<Field> field = fitter_->fit(poses, std::move(regions));
+    const Field field = fitter_->fit(poses, std::move(regions));
     DeformedSamples out = rest_samples();
-    apply_field(*field, model_->frame, body_.octree->rest->samples, body_.cell_of_sample,
+    apply_field(field, model_->frame, body_.octree->rest->samples, body_.cell_of_sample,
                 {out.samples,
                  {use_samples_, out.directions},
                  {geometry_->tangent_samples, out.tangents},

@@ -483,11 +483,10 @@ std::uint64_t Deformation::num_outside(std::span<const Eigen::Vector3d> places) 
     return count;
 }
 
-void Deformation::carry(const Carried& carried, std::stop_token stop) const
+void Deformation::carry(const Carried& carried) const
 {
     for (const std::unique_ptr<const Map>& map : maps_)
-        if (!stop.stop_requested())
-            map->carry(carried);
+        map->carry(carried);
 }
 
 } // namespace cellwarp

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -52,8 +51,8 @@ public:
 
     /// Moves the places and turns what hangs on them, on all threads. What a place
     /// becomes depends on it alone, to the bit: a sample of the session's model gets what
-    /// the session gave it. When stopped it returns early and leaves anything.
-    void carry(const Carried& carried, std::stop_token stop = {}) const;
+    /// the session gave it. After an exception what was given is unspecified.
+    void carry(const Carried& carried) const;
 
 private:
     struct Map;

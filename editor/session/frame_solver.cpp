@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "editor/session/turn_chains.h"
 #include "io/error.h"
 #include "octree/base/clock.h"
+#include "octree/base/stop_scope.h"
 #include "solver/cells/refinement.h"
 
 namespace cellwarp
@@ -103,10 +105,7 @@ struct FrameSolver::Way
     bool is_hard = false;      ///< it has steps as kHardStep says
     SolveReport total;
 
-    bool is_out_of_time() const
-    {
-        return total.stop == Stop::TimeLimit || total.stop == Stop::Stopped;
-    }
+    bool is_out_of_time() const { return total.stop == Stop::TimeLimit; }
     bool goes_on() const
     {
         return !is_out_of_time() && total.stop != Stop::NotPositiveDefinite;
@@ -136,7 +135,6 @@ void FrameSolver::solve_on(Way& way, Accuracy accuracy)
         way.iterations_before - way.iterations_lost + std::max(0, way.total.iterations);
     SolveOptions options;
     options.method = settings_.method;
-    options.stop = settings_.stop;
     options.gradient_scale = way.gradient_scale;
     options.max_iterations = std::max(0, settings_.max_iterations - done);
     // What gives way must do so before the next step, to be seen.
@@ -177,6 +175,8 @@ void FrameSolver::solve_on(Way& way, Accuracy accuracy)
     // On the way the places that hold a rod come nearer to each other than at either end.
     // Soft rods would fold there: only where the way ends do they push back.
     SolveReport solve = system_.solve(options, way.part < way.parts);
+    if (solve.stop == Stop::Stopped)
+        throw Stopped();
     way.is_hard |= solve.iterations >= kHardStep || solve.downward_models > 0;
     solve.add_earlier(way.total);
     way.total = solve;
@@ -361,17 +361,42 @@ private:
     CellSystem &system_, &other_;
 };
 
+/// Calls \p make, which makes other cells, and counts how long that takes. If the time of
+/// the frame is used up before they are there, they are dropped, and the way ends with
+/// Stop::TimeLimit: then it returns false.
+template <class Make>
+bool FrameSolver::makes_in_time(Way& way, FrameReport& report, Make&& make) const
+{
+    const Clock::time_point start = Clock::now();
+    bool is_made = true;
+    try
+    {
+        std::optional<StopAtTime> limit;
+        if (settings_.time_budget > 0)
+            limit.emplace(time_after(way.start, settings_.time_budget));
+        make();
+    }
+    catch (const Stopped&)
+    {
+        check_stop(); // it may have been asked for from outside
+        way.total.stop = Stop::TimeLimit;
+        is_made = false;
+    }
+    report.cells_ms += ms_since(start);
+    return is_made;
+}
+
 /// Goes on in smaller cells from where the system is; false, with the system as it was,
-/// where these cannot take its motions over.
+/// where these cannot take its motions over, or are not made in time.
 bool FrameSolver::go_on_in(std::shared_ptr<const Body> body, Way& way, Accuracy accuracy,
                            FrameReport& report)
 {
-    const Clock::time_point start = Clock::now();
-    CellSystem next = refiner_.handed_to(std::move(body), system_);
-    report.cells_ms += ms_since(start);
-    if (!(next.energy() <= kTorn * system_.energy()))
+    std::optional<CellSystem> next;
+    if (!makes_in_time(way, report,
+                       [&] { next = refiner_.handed_to(std::move(body), system_); }) ||
+        !(next->energy() <= kTorn * system_.energy()))
         return false;
-    system_ = std::move(next);
+    system_ = std::move(*next);
     solve_on(way, accuracy);
     return true;
 }
@@ -385,11 +410,11 @@ void FrameSolver::fold_in_few_cells(const Body& own, Way& way, FrameReport& repo
     solve_on(way, Accuracy::Choice);
     while (way.may_choose())
     {
-        const Clock::time_point start = Clock::now();
-        std::shared_ptr<const Body> few = refiner_.partly_split(system_, own);
-        report.cells_ms += ms_since(start);
+        std::shared_ptr<const Body> few;
         const int before = way.total.iterations;
-        if (2 * few->cells.size() > own.cells.size() ||
+        if (!makes_in_time(way, report,
+                           [&] { few = refiner_.partly_split(system_, own); }) ||
+            2 * few->cells.size() > own.cells.size() ||
             !go_on_in(std::move(few), way, Accuracy::Folds, report) ||
             way.total.iterations - before < kHardStep)
             return;
@@ -462,30 +487,27 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     return true;
 }
 
-/// Whether there were other cells to take; they are taken then.
+/// Whether there were other cells to take, and time; they are taken then.
 bool FrameSolver::takes(
-    std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
+    std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&), Way& way,
     FrameReport& report)
 {
-    const Clock::time_point start = Clock::now();
-    std::optional<CellSystem> next = (refiner_.*change)(system_);
-    if (next)
-    {
-        system_ = std::move(*next);
-        ++report.refinements;
-    }
-    report.cells_ms += ms_since(start);
-    return next.has_value();
+    std::optional<CellSystem> next;
+    if (!makes_in_time(way, report, [&] { next = (refiner_.*change)(system_); }) || !next)
+        return false;
+    system_ = std::move(*next);
+    ++report.refinements;
+    return true;
 }
 
 /// Fits the cells to the deformation: merges first, then splits, so that it ends. What
 /// the last, exact solve shows to be still is merged after it.
 void FrameSolver::fit_cells(Way& way, FrameReport& report)
 {
-    while (way.may_choose() && takes(&CellRefiner::coarser, report))
+    while (way.may_choose() && takes(&CellRefiner::coarser, way, report))
         solve_wound(way, Accuracy::Choice);
     for (double before = system_.energy();
-         way.may_choose() && takes(&CellRefiner::finer, report);)
+         way.may_choose() && takes(&CellRefiner::finer, way, report);)
     {
         solve_wound(way, Accuracy::Choice);
         const double after = system_.energy();
@@ -494,7 +516,7 @@ void FrameSolver::fit_cells(Way& way, FrameReport& report)
     }
     if (way.goes_on())
         solve_wound(way, Accuracy::AsAsked);
-    while (way.may_choose() && takes(&CellRefiner::coarser, report))
+    while (way.may_choose() && takes(&CellRefiner::coarser, way, report))
         solve_wound(way, Accuracy::AsAsked);
     report.cells_at_limit = refiner_.num_at_limit();
 }
@@ -536,10 +558,15 @@ bool is_same_place(const CellSystem& a, const CellSystem& b)
 void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
 {
     const double energy = system_.energy();
-    CellSystem other = refiner_.in_cells_of(system_, start.body, start.state);
-    std::swap(system_, other);
     Way second;
     second.start = way.start;
+    std::optional<CellSystem> made;
+    const auto make = [&]
+    { made = refiner_.in_cells_of(system_, start.body, start.state); };
+    if (!makes_in_time(second, report, make))
+        return;
+    CellSystem& other = *made;
+    std::swap(system_, other);
     second.gradient_scale = way.gradient_scale;
     second.iterations_before = way.total.iterations;
     // Only where another minimum may be ahead is it worth to get there exactly.
@@ -580,10 +607,10 @@ void FrameSolver::part_regions(FrameReport& report)
 void FrameSolver::solve(FrameReport& report)
 {
     frame_ = report.frame;
+    Way way;
     system_.forget_way();
     part_regions(report);
     const Start start{system_.shared_body(), system_.state()};
-    Way way;
     const bool is_adaptive = refiner_.is_adaptive();
     const Accuracy at_end = is_adaptive ? Accuracy::Choice : Accuracy::AsAsked;
     if (!travel_in_larger_cells(start, way, report, at_end))

@@ -52,8 +52,10 @@ private:
     bool travel_in_larger_cells(const Start& start, Way& way, FrameReport& report,
                                 Accuracy at_end);
     double gradient_scale_here() const;
+    template <class Make>
+    bool makes_in_time(Way& way, FrameReport& report, Make&& make) const;
     bool takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
-               FrameReport& report);
+               Way& way, FrameReport& report);
     void fit_cells(Way& way, FrameReport& report);
     bool may_miss_a_minimum(const Way& way) const;
     void start_again(const Start& start, Way& way, FrameReport& report);

@@ -21,6 +21,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -96,6 +97,22 @@ struct Session::StageState
     std::unique_ptr<Field> field;
 };
 
+/// Where the session stands, to come back to. The cells are shared, not copied.
+struct Session::Standing
+{
+    ScriptPlace place;
+    std::shared_ptr<const StageStart> start;
+    std::shared_ptr<const Body> body;
+    CellSystemState system;
+    StageAims aims;
+    SolveReport last_solve;
+    std::vector<std::string> warnings;
+    PartCounts parts;
+    std::vector<std::shared_ptr<const SplineState>> led;
+    std::size_t frames_done, num_reports, num_committed;
+    bool is_deformed_current;
+};
+
 Session::~Session() = default;
 Session::Session(Session&&) noexcept = default;
 Session& Session::operator=(Session&&) noexcept = default;
@@ -134,8 +151,9 @@ Session::Session(Geometry geometry, HandleFile handles, SessionSettings settings
 }
 
 Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
-                 SessionSettings settings)
-    : geometry_(std::move(of)), settings_(std::move(settings)),
+                 SessionSettings settings, std::shared_ptr<const RestShape> shape)
+    : geometry_(std::move(of)), first_shape_(std::move(shape)),
+      settings_(std::move(settings)),
       rbf_systems_(std::make_unique<RbfSystems>(most_for_systems(settings_)))
 {
     assert(!settings_.keeps_checkpoints || !settings_.keeps_fields);
@@ -151,7 +169,7 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
     if (settings_.keeps_checkpoints)
     {
         deformed_ = std::make_shared<const DeformedSamples>(std::move(first));
-        set_script(std::move(handles), settings_.stop);
+        set_script(std::move(handles));
         return;
     }
     handles_ = std::move(handles);
@@ -181,7 +199,9 @@ std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,
     rest->stage = stage;
     rest->fingerprint = script_.before(stage);
     rest->samples = std::move(samples);
-    rest->shape = build_rest_shape(*geometry_, rest->samples.samples, settings_.cells);
+    rest->shape = first_shape_ ? std::exchange(first_shape_, nullptr)
+                               : build_rest_shape(*geometry_, rest->samples.samples,
+                                                  settings_.cells);
     parts_.interior += rest->shape->material.method != InsideMethod::None;
     return rest;
 }
@@ -263,10 +283,10 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     add_checkpoint();
 }
 
-void Session::set_script(HandleFile handles, std::stop_token stop)
+void Session::set_script(HandleFile handles)
 {
     assert(settings_.keeps_checkpoints);
-    settings_.stop = std::move(stop);
+    stopped_.reset();
     ScriptFingerprint script(handles);
     const ScriptPlace here{stage_, frame_};
     const bool goes_on =
@@ -279,9 +299,12 @@ void Session::set_script(HandleFile handles, std::stop_token stop)
             check_frames();
         else
             go_back();
-        if (!upcoming_frame() &&
-            (!commit_to_end() || !(is_deformed_current_ || update_samples())))
-            end_stopped();
+        if (!upcoming_frame())
+        {
+            commit_to_end();
+            if (!is_deformed_current_)
+                update_samples();
+        }
     }
     catch (...)
     {
@@ -431,48 +454,35 @@ std::size_t Session::num_upcoming() const
     return count - std::min(count, frame_);
 }
 
-/// Where the session stands, to come back to. The cells are shared, not copied.
-struct Session::Standing
-{
-    ScriptPlace place;
-    std::shared_ptr<const StageStart> start;
-    std::shared_ptr<const Body> body;
-    CellSystemState system;
-    StageAims aims;
-    SolveReport last_solve;
-    std::vector<std::string> warnings;
-    std::size_t frames_done, num_reports, num_committed;
-    bool is_deformed_current;
-};
-
 Session::Standing Session::standing() const
 {
     const StageState& s = *state_;
-    return {{stage_, frame_},
-            s.start,
-            s.system.shared_body(),
-            s.system.state(),
-            s.aims,
-            s.last_solve,
-            warnings_,
-            frames_done_,
-            reports_.size(),
-            committed_fields_.size(),
+    return {{stage_, frame_},    s.start,         s.system.shared_body(),
+            s.system.state(),    s.aims,          s.last_solve,
+            warnings_,           parts_,          led_,
+            frames_done_,        reports_.size(), committed_fields_.size(),
             is_deformed_current_};
 }
 
-/// The samples are those of the standing still: nothing half done is written to them.
-void Session::stand_at(const Standing& standing)
+/// All but the state of the stage. The samples are those of the standing still: nothing
+/// half done is written to them.
+void Session::go_back_to(const Standing& standing)
 {
     state_.reset();
     rest_ = standing.start->rest;
     stage_ = standing.place.stage;
     frame_ = standing.place.frame;
     warnings_ = standing.warnings;
+    parts_ = standing.parts;
+    led_ = standing.led;
     frames_done_ = standing.frames_done;
     reports_.resize(standing.num_reports);
     committed_fields_.resize(standing.num_committed);
     is_deformed_current_ = standing.is_deformed_current;
+}
+
+void Session::make_state(const Standing& standing)
+{
     auto state = std::make_unique<StageState>(
         standing.start,
         CellSystem(standing.body, standing.start->regions, system_settings()));
@@ -489,6 +499,11 @@ void Session::lead(std::vector<std::shared_ptr<const SplineState>> rods)
 
 bool Session::next_frame(bool wants_samples)
 {
+    if (stopped_)
+    {
+        make_state(*stopped_);
+        stopped_.reset();
+    }
     if (!state_ || !upcoming_frame())
         return false;
     Standing before = standing();
@@ -497,21 +512,25 @@ bool Session::next_frame(bool wants_samples)
         const Clock::time_point start = Clock::now();
         while (frame_ >= handles_.stages[stage_].frames.size())
         {
-            if (!commit())
-            {
-                end_stopped();
-                return true;
-            }
+            commit();
             before = standing();
         }
         solve_next(wants_samples, ms_since(start));
+    }
+    catch (const Stopped&)
+    {
+        go_back_to(before);
+        stopped_ = std::make_unique<const Standing>(std::move(before));
+        throw;
     }
     catch (...)
     {
         rbf_systems_->clear();
         try
         {
-            stand_at(before);
+            const StopDeferral deferral;
+            go_back_to(before);
+            make_state(before);
         }
         catch (...)
         {
@@ -553,21 +572,9 @@ void Session::end_frame(FrameReport& report, bool wants_samples)
                               stage_ + 1 < handles_.stages.size();
     if (wants_samples || is_committed)
         move_samples(report);
-    if (report.solve.stop == Stop::Stopped)
-    {
-        end_stopped();
-        return;
-    }
     add_checkpoint();
-    if (settings_.keeps_checkpoints && !upcoming_frame() && !commit_to_end())
-        end_stopped();
-}
-
-/// Somewhere on the way: there is nothing to go on from but what was kept.
-void Session::end_stopped()
-{
-    if (settings_.keeps_checkpoints)
-        state_.reset();
+    if (settings_.keeps_checkpoints && !upcoming_frame())
+        commit_to_end();
 }
 
 void Session::solve_frame(FrameReport& report)
@@ -660,8 +667,7 @@ std::vector<Eigen::Vector3d> Session::samples_by(const FieldChoice& field) const
     return samples;
 }
 
-/// False if it was stopped: the samples are still those of an earlier frame.
-bool Session::move_samples(FrameReport& report)
+void Session::move_samples(FrameReport& report)
 {
     StageState& s = *state_;
     const WorkFrame& frame = s.system.rest().frame;
@@ -676,14 +682,7 @@ bool Session::move_samples(FrameReport& report)
         s.fitter.emplace(settings_.field, s.system.body().cells, s.system.constraints(),
                          has_other_fits ? rbf_systems_.get() : nullptr);
     }
-    std::optional<Field> field =
-        s.fitter->fit(s.system.poses(), moved_regions(), settings_.stop);
-    if (!field)
-    {
-        report.solve.stop = Stop::Stopped;
-        return false;
-    }
-    s.field = std::make_unique<Field>(std::move(*field));
+    s.field = std::make_unique<Field>(s.fitter->fit(s.system.poses(), moved_regions()));
     const FieldKind kind = settings_.field.kind;
     ++(kind == FieldKind::Rbf ? parts_.rbf
        : is_dense(kind)       ? parts_.rbf_global
@@ -724,39 +723,32 @@ bool Session::move_samples(FrameReport& report)
         !rest.directions.empty() || !rest.tangents.empty() || !rest.rotations.empty();
     report.apply_ms = ms_since(start);
     is_deformed_current_ = true;
-    return true;
 }
 
-/// As move_samples().
-bool Session::update_samples()
+void Session::update_samples()
 {
     if (frame_ > 0)
         return move_samples(reports_.back());
     deformed_ = samples_at_rest();
     is_deformed_current_ = true;
-    return true;
 }
 
-/// What the samples are now is the rest of the next stage. False if they were wanted
-/// first and that was stopped: then nothing is committed.
-bool Session::commit()
+/// What the samples are now is the rest of the next stage.
+void Session::commit()
 {
-    if (!is_deformed_current_ && !update_samples())
-        return false;
+    if (!is_deformed_current_)
+        update_samples();
     if (settings_.keeps_fields)
         committed_fields_.push_back(stored_field(state_->system, *state_->field));
     last_rest_ = make_rest(stage_ + 1, *deformed_);
     start_stage(last_rest_);
-    return true;
 }
 
-/// Through commits that no frame follows; false as commit().
-bool Session::commit_to_end()
+/// Through commits that no frame follows.
+void Session::commit_to_end()
 {
     while (stage_ + 1 < handles_.stages.size())
-        if (!commit())
-            return false;
-    return true;
+        commit();
 }
 
 std::optional<SkeletonBinding> Session::skeleton() const

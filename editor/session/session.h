@@ -8,7 +8,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -43,18 +42,23 @@ class Session
 public:
     /// Builds the cells of the first stage and checks all of its statements against
     /// the model, so that what cannot be done fails before anything is. A later stage
-    /// is checked when its commit has made its rest shape. Throws Error.
+    /// is checked when its commit has made its rest shape. Throws Error, and Stopped as
+    /// all that takes long: where a StopScope (octree/base/stop_scope.h) asks for it.
     Session(Geometry geometry, HandleFile handles, SessionSettings settings);
+    /// \p shape: what build_rest_shape() makes of the geometry with these settings, if it
+    /// is there already.
     Session(std::shared_ptr<const Geometry> geometry, HandleFile handles,
-            SessionSettings settings);
+            SessionSettings settings, std::shared_ptr<const RestShape> shape = nullptr);
     ~Session();
     Session(Session&&) noexcept;
     Session& operator=(Session&&) noexcept;
 
     /// Solves the next frame; false when there is none left. \p wants_samples: fit
     /// the field and move the samples (a commit does so in any case). Throws
-    /// Fault::Unsolvable, Fault::Budget, and of a commit what the constructor throws; the
-    /// session is then as it was before the frame, but for field(), which is null.
+    /// Fault::Unsolvable, Fault::Budget, Stopped, and of a commit what the constructor
+    /// throws; the session is then as it was before the frame, but for field(), which is
+    /// null. After Stopped system() is null as well until the next call: making its cells
+    /// again takes time.
     bool next_frame(bool wants_samples);
     /// Where the next frame takes SessionSettings::led_rods, in their order; without it
     /// they stay. \pre one stage
@@ -66,11 +70,9 @@ public:
     /// the old ones differ it goes back to a state before that. The rest is left for
     /// next_frame(), whose results are those of a new session with these statements, to
     /// the bit. With no frame left, the session stands in the last stage, its samples
-    /// moved. \p stop ends the solve of a frame, and moving the samples, from another
-    /// thread. Throws what the constructor throws; then, and after one that was stopped
-    /// here or in next_frame(), system() is null until another set_script().
-    /// \pre keeps_checkpoints
-    void set_script(HandleFile handles, std::stop_token stop = {});
+    /// moved. Throws what the constructor throws; then system() is null, and there is no
+    /// next frame, until another set_script(). \pre keeps_checkpoints
+    void set_script(HandleFile handles);
     /// How many frames are left.
     std::size_t num_upcoming() const;
 
@@ -127,8 +129,8 @@ private:
     void go_to(const Checkpoint& state);
     void go_back();
     void add_checkpoint();
-    bool commit();
-    bool commit_to_end();
+    void commit();
+    void commit_to_end();
     void check_memory_of(const FieldChoice& field) const;
     FramePlan plan(const FrameStatement& frame,
                    std::span<const std::shared_ptr<const SplineState>> led,
@@ -138,14 +140,15 @@ private:
     std::vector<MovedRegion> moved_regions() const;
     struct Standing;
     Standing standing() const;
-    void stand_at(const Standing& standing);
+    void go_back_to(const Standing& standing);
+    void make_state(const Standing& standing);
     void solve_next(bool wants_samples, double cells_ms);
     void end_frame(FrameReport& report, bool wants_samples);
-    void end_stopped();
-    bool move_samples(FrameReport& report);
-    bool update_samples();
+    void move_samples(FrameReport& report);
+    void update_samples();
 
     std::shared_ptr<const Geometry> geometry_;
+    std::shared_ptr<const RestShape> first_shape_; ///< given, until it is in a stage
     HandleFile handles_;
     SessionSettings settings_;
     ScriptFingerprint script_; ///< of the handles
@@ -165,6 +168,7 @@ private:
     std::vector<StoredField> committed_fields_;
     std::unique_ptr<RbfSystems> rbf_systems_; ///< of this stage's fits
     std::unique_ptr<StageState> state_;
+    std::unique_ptr<const Standing> stopped_; ///< where to go on after Stopped
 };
 
 } // namespace cellwarp

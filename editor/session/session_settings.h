@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <stop_token>
 #include <vector>
 
 #include "editor/session/body.h"
@@ -40,7 +39,6 @@ struct SessionSettings
     bool keeps_fields = false;      ///< of commits, for field_file()
     bool keeps_checkpoints = false; ///< to go back to, for set_script()
     std::vector<LedRod> led_rods = {}; ///< see Session::lead()
-    std::stop_token stop = {};
     /// Called on the way, in the thread that runs the session: at every iteration.
     std::function<void(const FrameProgress&)> watch = {};
 };

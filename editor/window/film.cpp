@@ -13,6 +13,7 @@
 #include "editor/window/film_source.h"
 #include "io/error.h"
 #include "octree/base/index.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -54,12 +55,12 @@ struct Film::State
         change();
     }
 
-    void make(const std::stop_token& stop)
+    void make()
     {
         const std::unique_ptr<FilmSource> source =
-            !scene.time      ? film_of_rods({model, handles, scene, stop})
-            : scene.has_rods ? film_of_joined({model, handles, scene, stop})
-                             : film_of_flesh({model, handles, scene, stop});
+            !scene.time      ? film_of_rods({model, handles, scene})
+            : scene.has_rods ? film_of_joined({model, handles, scene})
+                             : film_of_flesh({model, handles, scene});
         const std::shared_ptr<const ShapeLayout> layout = layout_of(model->geometry);
         double bytes = 0.0;
         const auto add = [&]
@@ -77,17 +78,16 @@ struct Film::State
                 seconds = source->seconds_a_frame();
             });
         add();
-        for (std::int64_t frame = 1; frame <= source->last() && !stop.stop_requested();
-             ++frame)
+        for (std::int64_t frame = 1; frame <= source->last(); ++frame)
         {
+            check_stop();
             if (bytes > kMostBytes)
                 throw Error(Fault::Budget,
                             fmt::format("frames 0 to {} are all that fit in {:.0f} GB: "
                                         "the others are for cellwarp simulate",
                                         frame - 1, 1e-9 * kMostBytes));
             const std::string problem = source->next();
-            if (stop.stop_requested())
-                return;
+            check_stop();
             if (!problem.empty())
                 tell(
                     [&] {
@@ -101,9 +101,13 @@ struct Film::State
     void run(const std::stop_token& stop)
     {
         std::string what;
+        const StopOnRequest scope(stop);
         try
         {
-            make(stop);
+            make();
+        }
+        catch (const Stopped&)
+        {
         }
         catch (const std::bad_alloc&)
         {

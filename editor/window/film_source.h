@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -27,7 +26,6 @@ struct FilmScene
     std::shared_ptr<const GeometryFile> model;
     HandleFile handles;
     SceneFile scene;
-    std::stop_token stop;
 };
 
 /// Stands at frame 0.

@@ -18,6 +18,7 @@
 #include "editor/window/film_source.h"
 #include "editor/window/live_flesh.h"
 #include "octree/base/clock.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -153,9 +154,13 @@ struct LiveFlesh::State
     void run(const std::stop_token& stop)
     {
         std::string what;
+        const StopOnRequest scope(stop);
         try
         {
             play(stop);
+        }
+        catch (const Stopped&)
+        {
         }
         catch (const std::bad_alloc&)
         {
@@ -174,7 +179,7 @@ LiveFlesh::LiveFlesh(const Editing& editing) : state_(std::make_unique<State>())
 {
     State& s = *state_;
     const Document& document = editing.document();
-    s.scene = {document.model(), document.handles(), document.scene(), {}};
+    s.scene = {document.model(), document.handles(), document.scene()};
     s.view = editing.view_frame();
     s.thread = std::jthread([&s](const std::stop_token& stop) { s.run(stop); });
 }

@@ -58,7 +58,6 @@ private:
     {
         SessionSettings settings = settings_of(of.scene);
         settings.cells.max_memory = default_memory_limit();
-        settings.stop = of.stop;
         return settings;
     }
 

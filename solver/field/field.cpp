@@ -464,9 +464,7 @@ FieldFitter::FieldFitter(const FieldChoice& choice, const Cells& cells,
         local_.emplace(cells, constraints, choice.clusters, systems);
 }
 
-std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
-                                      std::vector<MovedRegion> regions,
-                                      std::stop_token stop)
+Field FieldFitter::fit(std::span<const Pose> poses, std::vector<MovedRegion> regions)
 {
     FieldParts parts;
     parts.kind = kind_;
@@ -476,9 +474,7 @@ std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
         parts.is_idle[i] = constraints_[i].hold == Hold::Idle;
     if (local_)
     {
-        parts.local = local_->fit(poses, stop);
-        if (!parts.local)
-            return std::nullopt;
+        parts.local = local_->fit(poses);
         parts.residual = local_->residual();
         parts.num_centres = local_->num_centres(poses);
     }
@@ -503,8 +499,6 @@ std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
                               ? std::vector<bool>(cells_.size(), false)
                               : followers_of(region.motion, parts));
     find_misses(without, follows, regions);
-    if (stop.stop_requested())
-        return std::nullopt;
     std::vector<int> regions_near(cells_.size(), 0); // of each cell
     for (const MovedRegion& region : regions)
         for (const int cell : region.fade->near_cells())
@@ -656,8 +650,8 @@ Field fit_field(const FieldChoice& choice, const Cells& cells,
                 std::span<const Pose> poses, std::span<const Constraint> constraints,
                 std::vector<MovedRegion> regions)
 {
-    return *FieldFitter(choice, cells, constraints, nullptr)
-                .fit(poses, std::move(regions));
+    return FieldFitter(choice, cells, constraints, nullptr)
+        .fit(poses, std::move(regions));
 }
 
 } // namespace cellwarp

@@ -6,7 +6,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <stop_token>
 #include <vector>
 
 #include <Eigen/Core>
@@ -140,9 +139,8 @@ public:
     FieldFitter(const FieldChoice& choice, const Cells& cells,
                 std::span<const Constraint> constraints, RbfSystems* systems);
 
-    /// \p regions: their misses are found here. Nothing if it was stopped.
-    std::optional<Field> fit(std::span<const Pose> poses,
-                             std::vector<MovedRegion> regions, std::stop_token stop = {});
+    /// \p regions: their misses are found here.
+    Field fit(std::span<const Pose> poses, std::vector<MovedRegion> regions);
 
     /// Of FieldKind::Rbf, how many clusters the last fit solved for, and factored.
     std::size_t num_solved() const { return local_ ? local_->num_solved() : 0; }

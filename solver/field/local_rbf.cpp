@@ -278,17 +278,9 @@ void LocalRbfFitter::fit_one(std::size_t cluster, std::span<const Pose> poses)
     fit.system = found.is_kept ? std::move(found.system) : nullptr;
 }
 
-std::optional<LocalRbf> LocalRbfFitter::fit(std::span<const Pose> poses,
-                                            std::stop_token stop)
+LocalRbf LocalRbfFitter::fit(std::span<const Pose> poses)
 {
-    parallel_for(fits_.size(),
-                 [&](std::size_t c)
-                 {
-                     if (!stop.stop_requested())
-                         fit_one(c, poses);
-                 });
-    if (stop.stop_requested())
-        return std::nullopt;
+    parallel_for(fits_.size(), [&](std::size_t c) { fit_one(c, poses); });
     if (systems_)
         systems_->drop_unused();
     LocalRbf::Fits fields;

@@ -11,7 +11,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <stop_token>
 #include <vector>
 
 #include <Eigen/Core>
@@ -91,8 +90,8 @@ public:
     LocalRbfFitter(const Cells& cells, std::span<const Constraint> constraints,
                    const ClusterSize& size, RbfSystems* systems);
 
-    /// In parallel over the clusters. Nothing if it was stopped.
-    std::optional<LocalRbf> fit(std::span<const Pose> poses, std::stop_token stop);
+    /// In parallel over the clusters.
+    LocalRbf fit(std::span<const Pose> poses);
 
     /// Largest distance between a displacement given and the one reached, of the last
     /// fit.

@@ -12,6 +12,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/base/stop_scope.h"
+
 namespace cellwarp
 {
 
@@ -48,10 +50,9 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
         const double root = std::sqrt(x_p * x_p + p_p * left);
         return x_p > 0.0 ? left / (x_p + root) : (root - x_p) / p_p;
     };
-    const auto is_out_of_time = [&]
-    {
+    const auto is_out_of_time = [&] {
         return report.steps > 0 &&
-               (limits.stop.stop_requested() || Clock::now() > limits.deadline);
+               (is_stop_requested() || Clock::now() > limits.deadline);
     };
     while (report.steps < limits.max_steps && !is_out_of_time())
     {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cmath>
-#include <stop_token>
 
 #include <Eigen/Core>
 
@@ -24,13 +23,12 @@ struct LinearReport
     double change = 0.0; ///< of 1/2 x^T H x - b^T x, from 0 to x
 };
 
-/// When a solve ends.
+/// When a solve ends; also where is_stop_requested().
 struct LinearLimits
 {
     double tolerance = 1e-6; ///< of the residual, relative to the right-hand side
     int max_steps = 100;
     Clock::time_point deadline = Clock::time_point::max();
-    std::stop_token stop = {};
     /// Of a trust region: x gets no larger (LinearReport::size). \pre positive
     double radius = INFINITY;
 };

@@ -20,13 +20,13 @@
 #include "solver/minimize/newton.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numeric>
 #include <random>
 
 #include "octree/base/clock.h"
 #include "octree/base/parallel.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -70,9 +70,6 @@ constexpr double kPoor = 0.25, kGood = 0.75, kVeryGood = 0.9;
 
 /// A step of this share of the trust region is one that it may have kept short.
 constexpr double kAtRadius = 0.8;
-
-/// Longer time budgets are none [s].
-constexpr double kLongestBudget = 1e8;
 
 void assemble(const Energy& energy, BlockMatrix& matrix)
 {
@@ -168,7 +165,7 @@ private:
     void check_stability();
     bool is_out_of_time() const
     {
-        return options_.stop.stop_requested() || Clock::now() > deadline_;
+        return is_stop_requested() || Clock::now() > deadline_;
     }
     /// Whether a solve may begin with Gauss-Newton's steps.
     bool begins_plainly() const
@@ -228,7 +225,7 @@ void NewtonSolver::Run::find_step_by_gradients()
     linear_ = own_.conjugate_gradients_.solve(
         own_.energy_, own_.preconditioner_, own_.right_,
         {std::min(kForcing, std::sqrt(relative)), kMaxLinearSteps, deadline_,
-         options_.stop, is_exact_ ? radius_ : INFINITY},
+         is_exact_ ? radius_ : INFINITY},
         own_.step_);
     report_.linear_steps += linear_.steps;
     report_.ms.linear += ms_since(start);
@@ -386,9 +383,9 @@ void NewtonSolver::Run::check_stability()
         number =
             static_cast<double>(random()) / static_cast<double>(std::minstd_rand::max()) -
             0.5;
-    const LinearReport linear = own_.conjugate_gradients_.solve(
-        own_.energy_, own_.preconditioner_, own_.right_,
-        {1e-6, kStabilitySteps, deadline_, options_.stop}, own_.step_);
+    const LinearReport linear =
+        own_.conjugate_gradients_.solve(own_.energy_, own_.preconditioner_, own_.right_,
+                                        {1e-6, kStabilitySteps, deadline_}, own_.step_);
     report_.is_saddle = linear.has_negative_curvature;
     report_.ms.stability += ms_since(start);
 }
@@ -396,10 +393,7 @@ void NewtonSolver::Run::check_stability()
 SolveReport NewtonSolver::Run::operator()()
 {
     if (options_.time_budget > 0)
-        deadline_ =
-            Clock::now() +
-            std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
-                std::min(options_.time_budget, kLongestBudget)));
+        deadline_ = time_after(Clock::now(), options_.time_budget);
     report_.iterations = 0;
     value_ = own_.energy_.value();
     report_.energy_before = value_;
@@ -426,7 +420,7 @@ SolveReport NewtonSolver::Run::operator()()
             return finish(Stop::Converged);
         if (report_.iterations >= options_.max_iterations)
             return finish(Stop::IterationLimit);
-        if (options_.stop.stop_requested())
+        if (is_stop_requested())
             return finish(Stop::Stopped);
         if (Clock::now() > deadline_)
             return finish(Stop::TimeLimit);
@@ -470,6 +464,7 @@ double NewtonSolver::factor_bytes()
 
 SolveReport NewtonSolver::minimize(const SolveOptions& options)
 {
+    const StopDeferral deferral; // it ends between steps, in a state of its own
     return Run(*this, options)();
 }
 

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <functional>
 #include <optional>
-#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -64,7 +63,6 @@ struct SolveOptions
     bool stays_stable = false;
     /// Makes the preconditioner anew where it serves badly; that allocates.
     bool may_refresh = true;
-    std::stop_token stop = {};
     /// Called before every iteration with its number, the relative gradient, the energy.
     std::function<void(int, double, double)> watch = {};
 };
@@ -111,7 +109,8 @@ public:
     NewtonSolver(Energy& energy, Preconditioner& preconditioner);
 
     /// Lowers the energy from its current state. On any stop the state is the best
-    /// found. Never throws but for memory, never prints.
+    /// found, also where a StopScope asks for the end: then it returns Stop::Stopped.
+    /// Never throws but for memory, never prints.
     /// \post energy_after <= energy_before, up to rounding
     SolveReport minimize(const SolveOptions& options);
 

@@ -3,8 +3,11 @@
 // nothing is shared that should not be.
 #include <ctime>
 #include <filesystem>
+#include <optional>
+#include <random>
 #include <thread>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "editor/document/editing.h"
@@ -280,6 +283,68 @@ TEST(Threads, nothing_is_awaited_while_edits_of_an_earlier_run_are_not_decided_o
     editing.document().recover();
     editing.wait();
     EXPECT_NE(editing.result(), nullptr) << editing.status().error;
+}
+
+TEST(Threads, material_under_way_ends_when_it_is_not_wanted_and_serves_other_statements)
+{
+    std::mt19937 rng(6);
+    std::uniform_real_distribution<double> number(0.0, 1.0);
+    std::string text;
+    for (int i = 0; i < 100000; ++i)
+        text += fmt::format("{} {} {}\n", number(rng), number(rng), number(rng));
+    const auto model = std::make_shared<const GeometryFile>(scan_geometry("c.xyz", text));
+    const WorkFrame view = automatic_frame(bounding_box(model->geometry.samples));
+    const auto request = [&](std::uint64_t revision)
+    {
+        return SolveRequest{
+            revision,
+            parse_handles("", fmt::format("cellwarp-handles 1\nunits relative\n"
+                                          "fixed foot box 0 0 0 1 1 0.{}\n",
+                                          revision)),
+            SceneFile(), layout_of(model->geometry)};
+    };
+    const auto cpu = [] { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; };
+    const auto wait_until = [](const auto& is_there)
+    {
+        while (!is_there())
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    };
+    double begin = cpu();
+    const auto is_solved = [](SolveWorker& worker, std::uint64_t revision)
+    {
+        const std::optional<Solved> solved = worker.take();
+        return solved && solved->revision == revision;
+    };
+    {
+        SolveWorker worker(model, view);
+        worker.ask(request(1));
+        wait_until([&] { return is_solved(worker, 1); });
+    }
+    const double whole = cpu() - begin;
+    for (const bool is_cancelled : {true, false})
+    {
+        std::optional<SolveWorker> worker(std::in_place, model, view);
+        begin = cpu();
+        worker->ask(request(1));
+        wait_until([&] { return cpu() > begin + 0.4 * whole; });
+        begin = cpu();
+        if (is_cancelled)
+        {
+            worker->cancel();
+            wait_until([&] { return !worker->is_busy(); });
+            EXPECT_EQ(worker->status().error, "cancelled");
+        }
+        else
+            worker.reset();
+        EXPECT_LT(cpu() - begin, 0.2 * whole);
+    }
+    begin = cpu();
+    SolveWorker worker(model, view);
+    worker.ask(request(1));
+    wait_until([&] { return cpu() > begin + 0.5 * whole; });
+    worker.ask(request(2));
+    wait_until([&] { return is_solved(worker, 2); });
+    EXPECT_LT(cpu() - begin, 1.3 * whole);
 }
 
 TEST(Threads, a_drag_whose_smaller_cells_fail_goes_on_in_its_own)

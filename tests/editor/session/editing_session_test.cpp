@@ -13,6 +13,8 @@
 #include "editor/session/session.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
+#include "octree/base/stop_scope.h"
+#include "tests/support/counted_stop.h"
 #include "tests/support/rest_model.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -242,9 +244,12 @@ TEST(EditingSession, a_stopped_frame_is_done_again)
     std::stop_source source;
     Session session(block(), handles(kRegions + frames(1, 1)), settings(true));
     play(session);
-    session.set_script(handles(text), source.get_token());
-    source.request_stop();
-    play(session);
+    session.set_script(handles(text));
+    {
+        const StopOnRequest scope(source.get_token());
+        source.request_stop();
+        EXPECT_THROW(play(session), Stopped);
+    }
     EXPECT_EQ(session.system(), nullptr);
     session.set_script(handles(text));
     EXPECT_EQ(session.num_upcoming(), 1u);
@@ -327,8 +332,6 @@ TEST(EditingSession, a_commit_that_throws_can_be_tried_again)
 
 TEST(EditingSession, samples_whose_field_was_stopped_are_not_taken_for_those_of_the_frame)
 {
-    std::stop_source stopped;
-    stopped.request_stop();
     for (const std::string& after : {std::string(), kCommit})
     {
         SCOPED_TRACE(after);
@@ -336,7 +339,10 @@ TEST(EditingSession, samples_whose_field_was_stopped_are_not_taken_for_those_of_
         while (session.next_frame(true))
             ;
         const std::string text = kRegions + frames(1, 1) + after;
-        session.set_script(handles(text), stopped.get_token());
+        {
+            const support::CountedStop stopped(0);
+            EXPECT_THROW(session.set_script(handles(text)), Stopped);
+        }
         EXPECT_EQ(session.system(), nullptr);
         EXPECT_FALSE(session.next_frame(true));
         session.set_script(handles(text));
@@ -351,21 +357,20 @@ TEST(EditingSession, samples_whose_field_was_stopped_are_not_taken_for_those_of_
 
 TEST(EditingSession, a_commit_whose_field_was_stopped_commits_nothing)
 {
-    std::stop_source source;
-    SessionSettings with_stop = settings(false);
-    with_stop.stop = source.get_token();
-    Session session(block(),
-                    handles(kRegions + frames(1, 2) + kCommit + top_frame(3, 30.0)),
-                    with_stop);
+    const std::string text = kRegions + frames(1, 2) + kCommit + top_frame(3, 30.0);
+    Session session(block(), handles(text), settings(false));
     session.next_frame(true);
+    session.next_frame(false); // its samples are wanted by the commit first
     const std::vector<Eigen::Vector3d> bent = session.deformed().samples;
-    source.request_stop();
-    session.next_frame(true);
-    EXPECT_TRUE(session.next_frame(true));
+    {
+        const support::CountedStop stopped(0);
+        EXPECT_THROW(session.next_frame(true), Stopped);
+    }
     EXPECT_EQ(session.upcoming_frame(), 3);
-    EXPECT_EQ(session.system()->regions()[1].name, "knob");
-    EXPECT_EQ(session.frames().back().solve.stop, Stop::Stopped);
+    EXPECT_EQ(session.frames().size(), 2u);
     EXPECT_TRUE(session.deformed().samples == bent);
+    EXPECT_TRUE(session.next_frame(true));
+    expect_same(session, text);
 }
 
 TEST(ScriptFingerprint, tells_where_two_files_part)

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/parallel.h"
+#include "octree/base/stop_scope.h"
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
@@ -149,9 +150,10 @@ TEST(CellMinimizer, every_stop_has_its_reason)
         CellMinimizer minimizer = p.minimizer();
         std::stop_source source;
         source.request_stop();
-        SolveOptions options;
-        options.stop = source.get_token();
-        EXPECT_EQ(minimizer.minimize(p.poses, options).stop, Stop::Stopped);
+        {
+            const StopOnRequest scope(source.get_token());
+            EXPECT_EQ(minimizer.minimize(p.poses, {}).stop, Stop::Stopped);
+        }
         EXPECT_EQ(minimizer.minimize(p.poses, {}).stop, Stop::Converged);
     }
     {

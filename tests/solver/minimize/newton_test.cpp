@@ -10,6 +10,7 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/stop_scope.h"
 #include "tests/support/dense_energy.h"
 #include "tests/support/energy_checks.h"
 #include "tests/support/shapes.h"
@@ -374,9 +375,11 @@ TEST(Newton, ends_on_request_with_the_best_found)
         },
         [](double t) { return 6.0 * std::pow(t, 5); },
         [](double t) { return 30.0 * std::pow(t, 4); });
-    SolveOptions options;
-    options.stop = source.get_token();
-    SolveReport report = minimized(energy, options);
+    SolveReport report;
+    {
+        const StopOnRequest scope(source.get_token());
+        report = minimized(energy, {});
+    }
     EXPECT_EQ(report.stop, Stop::Stopped);
     EXPECT_EQ(report.iterations, 2);
     EXPECT_LT(report.energy_after, report.energy_before);
