@@ -109,6 +109,7 @@ struct Session::Standing
     std::vector<std::string> warnings;
     PartCounts parts;
     std::vector<std::shared_ptr<const SplineState>> led;
+    std::shared_ptr<const DeformedSamples> deformed;
     std::size_t frames_done, num_reports, num_committed;
     bool is_deformed_current;
 };
@@ -457,15 +458,23 @@ std::size_t Session::num_upcoming() const
 Session::Standing Session::standing() const
 {
     const StageState& s = *state_;
-    return {{stage_, frame_},    s.start,         s.system.shared_body(),
-            s.system.state(),    s.aims,          s.last_solve,
-            warnings_,           parts_,          led_,
-            frames_done_,        reports_.size(), committed_fields_.size(),
+    return {{stage_, frame_},
+            s.start,
+            s.system.shared_body(),
+            s.system.state(),
+            s.aims,
+            s.last_solve,
+            warnings_,
+            parts_,
+            led_,
+            deformed_,
+            frames_done_,
+            reports_.size(),
+            committed_fields_.size(),
             is_deformed_current_};
 }
 
-/// All but the state of the stage. The samples are those of the standing still: nothing
-/// half done is written to them.
+/// All but the state of the stage.
 void Session::go_back_to(const Standing& standing)
 {
     state_.reset();
@@ -475,6 +484,7 @@ void Session::go_back_to(const Standing& standing)
     warnings_ = standing.warnings;
     parts_ = standing.parts;
     led_ = standing.led;
+    deformed_ = standing.deformed;
     frames_done_ = standing.frames_done;
     reports_.resize(standing.num_reports);
     committed_fields_.resize(standing.num_committed);

@@ -152,7 +152,7 @@ TEST(Stopping, a_session_stopped_at_any_look_goes_on_to_the_bits_of_another)
                 settings.keeps_checkpoints = keeps_checkpoints;
                 std::optional<Session> session;
                 std::int64_t frame = 0;
-                const std::vector<Eigen::Vector3d>* shown = nullptr;
+                std::vector<Eigen::Vector3d> shown;
                 std::size_t num_done = 0;
                 bool is_stopped = false;
                 try
@@ -162,7 +162,7 @@ TEST(Stopping, a_session_stopped_at_any_look_goes_on_to_the_bits_of_another)
                     do
                     {
                         frame = session->upcoming_frame().value_or(0);
-                        shown = &session->deformed().samples;
+                        shown = session->deformed().samples;
                         num_done = session->frames().size();
                     } while (session->next_frame(true));
                 }
@@ -182,11 +182,15 @@ TEST(Stopping, a_session_stopped_at_any_look_goes_on_to_the_bits_of_another)
                     EXPECT_EQ(session->field(), nullptr);
                     EXPECT_EQ(session->upcoming_frame(), frame);
                     EXPECT_EQ(session->frames().size(), num_done);
-                    EXPECT_EQ(&session->deformed().samples, shown);
+                    EXPECT_TRUE(session->deformed().samples == shown);
                 }
                 while (session->next_frame(true))
                     ;
-                EXPECT_EQ(result_of(*session), whole);
+                const Result now = result_of(*session);
+                EXPECT_TRUE(now.samples == whole.samples);
+                EXPECT_EQ(now.warnings, whole.warnings);
+                EXPECT_EQ(now.energy, whole.energy);
+                EXPECT_EQ(now.refinements, whole.refinements);
             }
             EXPECT_GT(num_unmade, 0);
             EXPECT_GT(stopped_frames.size(), 1u);
