@@ -529,6 +529,7 @@ bool Session::next_frame(bool wants_samples)
     }
     catch (const Stopped&)
     {
+        rbf_systems_->clear();
         go_back_to(before);
         stopped_ = std::make_unique<const Standing>(std::move(before));
         throw;
