@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Triangles are sorted along a curve that fills space, four of them make a leaf, and a
-// binary tree over the leaves holds their boxes. Going down both sides of the tree at
-// once finds the pairs of leaves that meet, each once, with few boxes compared: of two
-// boxes that do not meet nothing below is looked at. Boxes are of floats, rounded
-// outward.
-//   Nearly all pairs whose boxes meet are neighbours, which share a corner. Around most
-// corners the triangles, seen along the mean of their normals, fill every direction just
-// once: then no two of them meet but in the corner and edges that they share, and that is
-// found out once a corner, not once a pair.
+// Triangles are sorted along a curve that fills space; patches of them, small and large,
+// have boxes. Going down both sides of the tree of patches at once finds those that may
+// meet: of two whose boxes do not meet nothing below is looked at, and nothing of a
+// patch, or of two, that is seen whole from some direction (surface_patches.h), as most
+// are but for folds and what has come near. Boxes are of floats, rounded outward.
+//   What is left is pairs of small patches, whose triangles are compared. Nearly all
+//   pairs
+// of them whose boxes meet are neighbours, which share a corner. Around most corners the
+// triangles, seen along the mean of their normals, fill every direction just once: then
+// no two of them meet but in the corner and edges that they share, and that is found out
+// once a corner, not once a pair.
 #include "octree/self_intersections.h"
 
 #include <algorithm>
@@ -27,6 +29,7 @@
 #include "octree/base/morton.h"
 #include "octree/base/parallel.h"
 #include "octree/joined_samples.h"
+#include "octree/surface_patches.h"
 #include "octree/wrap/triangle_pair.h"
 
 namespace cellwarp
@@ -35,9 +38,11 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kLeaf = 4; ///< triangles
+constexpr std::size_t kLeaf = 4;                                   ///< triangles
+constexpr std::size_t kLeaves = SurfacePatches::kSmallest / kLeaf; ///< of a patch
 constexpr std::uint32_t kNoTriangle = 0xffffffff;
 constexpr std::int64_t kMostTests = 1000; ///< of boxes, a triangle
+constexpr std::size_t kMostPairs = 256;   ///< that may meet, a patch
 
 /// The signs of four numbers: of two in the highest bits of each half of a word.
 std::array<std::uint64_t, 2> signs(const Eigen::Array4f& x)
@@ -174,9 +179,9 @@ bool is_fan(std::span<const std::array<std::uint32_t, 2>> around, std::size_t co
     return count == 1;
 }
 
-/// The triangles along a curve that fills space, by where their middles are at rest: what
-/// is near then mostly stays so.
-std::vector<std::uint32_t> along_curve(std::span<const Triangle> triangles,
+/// For the triangles a number each, in its upper half the place of its middle at rest
+/// along a curve that fills space: what is near then mostly stays so. Sorted.
+std::vector<std::uint64_t> along_curve(std::span<const Triangle> triangles,
                                        const std::vector<Eigen::Vector3d>& rest)
 {
     constexpr double kBoxes = 1024.0; // of the curve along each axis
@@ -185,7 +190,7 @@ std::vector<std::uint32_t> along_curve(std::span<const Triangle> triangles,
     Eigen::AlignedBox3d box;
     for (const Triangle& t : triangles)
         box.extend(middle(t));
-    const Eigen::Array3d size = box.sizes().array().max(1e-300);
+    const double size = std::max(1e-300, box.sizes().maxCoeff());
     std::vector<std::uint64_t> keys(triangles.size());
     constexpr std::size_t kTrianglesAtOnce = 4096; // of one thread
     parallel_for(triangles.size(), kTrianglesAtOnce,
@@ -198,49 +203,64 @@ std::vector<std::uint32_t> along_curve(std::span<const Triangle> triangles,
                      keys[t] = morton(at) << 32 | t;
                  });
     parallel_sort(keys);
-    std::vector<std::uint32_t> order(keys.size());
-    for (std::size_t k = 0; k < keys.size(); ++k)
-        order[k] = static_cast<std::uint32_t>(keys[k]);
-    return order;
+    return keys;
+}
+
+/// How far the numbers of along_curve() are shifted down to be those of blocks of space
+/// that some thousand triangles lie in. From one to another the curve may go far.
+int bits_of_block(std::size_t num_triangles)
+{
+    constexpr std::size_t kInBlock = 4096;
+    int bits = 32 + 30;
+    for (std::size_t blocks = num_triangles / kInBlock; blocks >= 4; blocks /= 4)
+        bits -= 3;
+    return bits;
 }
 
 } // namespace
 
-/// One count: the boxes of the triangles where the samples are now, and of which corners
-/// the triangles need not be compared.
+/// One count: the boxes of the patches where the samples are now, and from where they can
+/// be seen; of the patches that are looked at their triangles.
 class IntersectionCounter::Count
 {
 public:
     Count(const IntersectionCounter& of, const std::vector<Eigen::Vector3d>& places)
         : triangles_(of.triangles_), places_(places), rest_(of.rest_),
-          joined_(of.joined_), order_(of.order_)
+          joined_(of.joined_), order_(of.order_), patches_(*of.patches_)
     {
         for (const Triangle& t : triangles_)
             corner_ = corner_.cwiseMin(places_[t[0]]);
-        build_tree(simple_corners());
+        find_smallest();
+        while (levels_.size() < patches_.num_levels())
+            add_level();
     }
 
     std::optional<SelfIntersections> operator()()
     {
         const std::int64_t most =
             kMostTests * static_cast<std::int64_t>(triangles_.size()) + 1;
+        const std::vector<PatchPair> pairs = near_pairs();
+        if (pairs.size() > kMostPairs * levels_[0].boxes.size())
+            return std::nullopt;
+        find_leaves(pairs);
         std::atomic<std::int64_t> tests = 0, all = 0, fresh = 0;
         std::atomic<std::uint32_t> first = kNoTriangle;
-        const std::vector<NodePair> tasks = pairs_of_nodes();
-        parallel_for(tasks.size(),
-                     [&](std::size_t k)
-                     {
-                         Tally tally{tests, most};
-                         visit(tasks[k], tally);
-                         tests += tally.tests;
-                         all += tally.all;
-                         fresh += tally.fresh;
-                         std::uint32_t known = first;
-                         while (tally.first < known &&
-                                !first.compare_exchange_weak(known, tally.first))
-                         {
-                         }
-                     });
+        constexpr std::size_t kPairsAtOnce = 16; // of one thread
+        parallel_ranges(pairs.size(), kPairsAtOnce,
+                        [&](std::size_t begin, std::size_t end)
+                        {
+                            Tally tally{tests, most};
+                            for (std::size_t k = begin; k < end; ++k)
+                                test_patches(pairs[k].a, pairs[k].b, tally);
+                            tests += tally.tests;
+                            all += tally.all;
+                            fresh += tally.fresh;
+                            std::uint32_t known = first;
+                            while (tally.first < known &&
+                                   !first.compare_exchange_weak(known, tally.first))
+                            {
+                            }
+                        });
         if (tests > most)
             return std::nullopt;
         SelfIntersections found{all, fresh};
@@ -271,85 +291,87 @@ private:
         }
     };
 
-    /// Two nodes of a level, the first not behind the second.
-    struct NodePair
+    /// Patches of one level.
+    struct Level
     {
-        std::size_t level, a, b;
+        std::vector<FloatBox> boxes; ///< from corner_
+        std::vector<Views> views;
+
+        explicit Level(std::size_t size) : boxes(size), views(size, kAllViews) {}
     };
 
-    bool do_meet(const NodePair& pair) const
+    /// Two patches of a level, the first not behind the second.
+    struct PatchPair
     {
-        return pair.a == pair.b ||
-               levels_[pair.level][pair.a].meets(levels_[pair.level][pair.b]);
-    }
+        std::uint32_t a, b;
+    };
 
-    /// Calls take(pair) for the pairs of the nodes below.
-    template <class Take>
-    void for_pairs_below(const NodePair& pair, Take&& take) const
+    /// What one thread has found, and its room for contours.
+    struct Search
     {
-        const std::size_t level = pair.level - 1;
-        for (std::size_t a = 2 * pair.a; a < 2 * pair.a + 2; ++a)
-            for (std::size_t b = std::max(a, 2 * pair.b); b < 2 * pair.b + 2; ++b)
-                if (b < levels_[level].size())
-                    take(NodePair{level, a, b});
-    }
+        std::vector<PatchPair> near; ///< of the smallest
+        ContourView view;
+        std::vector<SurfacePatches::Side> contour;
+    };
 
-    /// Pairs that meet, of a level where there are enough of them for all threads.
-    std::vector<NodePair> pairs_of_nodes() const
+    void find_smallest()
     {
-        constexpr std::size_t kEnough = 512;
-        std::vector<NodePair> pairs = {{levels_.size() - 1, 0, 0}};
-        while (pairs.size() < kEnough && pairs.front().level > 0)
-        {
-            std::vector<NodePair> below;
-            for (const NodePair& pair : pairs)
-                for_pairs_below(pair,
-                                [&](const NodePair& next)
-                                {
-                                    if (do_meet(next))
-                                        below.push_back(next);
-                                });
-            pairs = std::move(below);
-        }
-        return pairs;
-    }
-
-    /// Of each corner whether its triangles meet in nothing but what they share, for
-    /// sure. Those of a boundary are not looked at.
-    std::vector<char> simple_corners() const
-    {
-        // Of each corner the passes by it: the corner before and the one after.
-        std::vector<std::uint32_t> end(places_.size() + 1, 0);
-        for (const Triangle& t : triangles_)
-            for (const std::uint32_t corner : t)
-                ++end[joined_[corner] + 1];
-        std::partial_sum(end.begin(), end.end(), end.begin());
-        std::vector<std::array<std::uint32_t, 2>> passes(end.back());
-        for (const Triangle& t : triangles_)
-            for (std::size_t k = 0; k < 3; ++k)
-                passes[end[joined_[t[k]]]++] = {joined_[t[(k + 1) % 3]],
-                                                joined_[t[(k + 2) % 3]]};
-        // Corners whose samples no longer are at one place.
-        std::vector<char> is_parted(places_.size(), 0);
-        for (std::size_t i = 0; i < places_.size(); ++i)
-            if (places_[i] != places_[joined_[i]])
-                is_parted[joined_[i]] = 1;
-        std::vector<char> is_simple(places_.size(), 0);
-        parallel_for(places_.size(), kSmallBodies,
-                     [&](std::size_t corner)
+        Level& level = levels_.emplace_back(patches_.num_patches(0));
+        parallel_for(level.boxes.size(),
+                     [&](std::size_t patch)
                      {
-                         const std::size_t begin = corner == 0 ? 0 : end[corner - 1];
-                         const std::span<const std::array<std::uint32_t, 2>> around =
-                             std::span(passes).subspan(begin, end[corner] - begin);
-                         is_simple[corner] = !around.empty() && !is_parted[corner] &&
-                                             std::none_of(around.begin(), around.end(),
-                                                          [&](const auto& pass) {
-                                                              return is_parted[pass[0]] ||
-                                                                     is_parted[pass[1]];
-                                                          }) &&
-                                             is_fan(around, corner, places_);
+                         const auto [begin, end] = patches_.range(0, patch);
+                         for (std::size_t k = begin; k < end; ++k)
+                         {
+                             level.boxes[patch].include(box_of(order_[k]));
+                             if (level.views[patch] != 0)
+                                 level.views[patch] &= views_of(triangles_[order_[k]]);
+                         }
                      });
-        return is_simple;
+    }
+
+    void add_level()
+    {
+        const Level& below = levels_.back();
+        Level level(patches_.num_patches(levels_.size()));
+        for (std::size_t patch = 0; patch < level.boxes.size(); ++patch)
+        {
+            const auto [begin, end] = below_of(levels_.size(), patch);
+            for (std::size_t k = begin; k < end; ++k)
+            {
+                level.boxes[patch].include(below.boxes[k]);
+                level.views[patch] &= below.views[k];
+            }
+        }
+        levels_.push_back(std::move(level));
+    }
+
+    /// The patches of the level below that are in one.
+    std::array<std::size_t, 2> below_of(std::size_t level, std::size_t patch) const
+    {
+        return {patch * SurfacePatches::kFanOut,
+                std::min(levels_[level - 1].boxes.size(),
+                         (patch + 1) * SurfacePatches::kFanOut)};
+    }
+
+    /// None of a triangle next to nothing, or whose corners no longer are where those are
+    /// that they coincided with at rest.
+    Views views_of(const Triangle& t) const
+    {
+        for (const std::uint32_t corner : t)
+            if (is_parted(corner))
+                return 0;
+        const Eigen::Vector3d a = places_[t[1]] - places_[t[0]],
+                              b = places_[t[2]] - places_[t[0]];
+        const Eigen::Vector3d normal = a.cross(b);
+        const bool is_sure =
+            normal.squaredNorm() > kSure * kSure * a.squaredNorm() * b.squaredNorm();
+        return is_sure ? cellwarp::views_of(normal) : 0;
+    }
+
+    bool is_parted(std::uint32_t sample) const
+    {
+        return joined_[sample] != sample && places_[sample] != places_[joined_[sample]];
     }
 
     FloatBox box_of(std::uint32_t triangle) const
@@ -369,59 +391,203 @@ private:
         return box;
     }
 
-    void build_tree(const std::vector<char>& is_simple)
+    /// Whether triangles of both may meet.
+    bool may_meet(std::size_t level, const PatchPair& pair, Search& search) const
     {
+        const auto& [a, b] = pair;
+        const Level& of = levels_[level];
+        return (a == b || of.boxes[a].meets(of.boxes[b])) &&
+               !is_seen_whole(level, pair, search);
+    }
+
+    bool is_seen_whole(std::size_t level, const PatchPair& pair, Search& search) const
+    {
+        const auto& [a, b] = pair;
+        const std::vector<Views>& views = levels_[level].views;
+        const Views both = views[a] & views[b];
+        if (both == 0)
+            return false;
+        if (a == b)
+            return search.view.sees_all(patches_.contour(level, a), both, places_);
+        const auto one = patches_.contour(level, a), other = patches_.contour(level, b);
+        if (one.empty() || other.empty())
+            return false;
+        join_contours(one, other, search.contour);
+        return search.view.sees_all(search.contour, both, places_);
+    }
+
+    /// Calls take(pair) for the pairs of the patches below that may meet.
+    template <class Take>
+    void for_pairs_below(std::size_t level, const PatchPair& pair, Search& search,
+                         Take&& take) const
+    {
+        const auto [from, to] = below_of(level, pair.a);
+        const auto [begin, end] = below_of(level, pair.b);
+        for (std::size_t a = from; a < to; ++a)
+            for (std::size_t b = std::max(a, begin); b < end; ++b)
+                if (const PatchPair next{static_cast<std::uint32_t>(a),
+                                         static_cast<std::uint32_t>(b)};
+                    may_meet(level - 1, next, search))
+                    take(next);
+    }
+
+    void visit(std::size_t level, const PatchPair& pair, Search& search) const
+    {
+        if (search.near.size() > kMostPairs * levels_[0].boxes.size())
+            return;
+        if (level == 0)
+            return search.near.push_back(pair);
+        for_pairs_below(level, pair, search,
+                        [&](const PatchPair& next) { visit(level - 1, next, search); });
+    }
+
+    /// Of the smallest patches those pairs that may meet.
+    std::vector<PatchPair> near_pairs() const
+    {
+        constexpr std::size_t kEnough = 512; // for all threads
+        std::size_t level = levels_.size() - 1;
+        std::vector<PatchPair> pairs;
+        Search first;
+        if (may_meet(level, {0, 0}, first))
+            pairs.push_back({0, 0});
+        for (; level > 0 && pairs.size() < kEnough; --level)
+        {
+            std::vector<PatchPair> below;
+            for (const PatchPair& pair : pairs)
+                for_pairs_below(level, pair, first,
+                                [&](const PatchPair& next) { below.push_back(next); });
+            pairs = std::move(below);
+        }
+        std::vector<std::vector<PatchPair>> near(pairs.size());
+        parallel_for(pairs.size(),
+                     [&](std::size_t k)
+                     {
+                         Search search;
+                         visit(level, pairs[k], search);
+                         near[k] = std::move(search.near);
+                     });
+        pairs.clear();
+        for (const std::vector<PatchPair>& some : near)
+            pairs.insert(pairs.end(), some.begin(), some.end());
+        return pairs;
+    }
+
+    /// The triangles of the patches that are looked at.
+    void find_leaves(const std::vector<PatchPair>& pairs)
+    {
+        if (pairs.empty())
+            return;
+        first_leaf_.assign(levels_[0].boxes.size(), kNoLeaf);
+        std::vector<std::uint32_t> looked_at;
+        for (const PatchPair& pair : pairs)
+            for (const std::uint32_t patch : {pair.a, pair.b})
+                if (first_leaf_[patch] == kNoLeaf)
+                {
+                    first_leaf_[patch] =
+                        static_cast<std::uint32_t>(kLeaves * looked_at.size());
+                    looked_at.push_back(patch);
+                }
+        const std::vector<char> is_simple = simple_corners(looked_at);
         const auto number_of = [&](std::uint32_t corner)
         { return is_simple[joined_[corner]] ? joined_[corner] + 1 : 0; };
-        leaves_.resize((order_.size() + kLeaf - 1) / kLeaf);
-        levels_.emplace_back(leaves_.size());
-        parallel_for(leaves_.size(), kSmallBodies,
-                     [&](std::size_t leaf)
+        leaves_.resize(kLeaves * looked_at.size());
+        boxes_.resize(leaves_.size());
+        parallel_for(looked_at.size(),
+                     [&](std::size_t i)
                      {
-                         for (std::size_t k = leaf * kLeaf; k < end_of(leaf); ++k)
+                         const auto [begin, end] = patches_.range(0, looked_at[i]);
+                         for (std::size_t k = begin; k < end; ++k)
                          {
+                             const std::size_t leaf = kLeaves * i + (k - begin) / kLeaf;
                              const FloatBox box = box_of(order_[k]);
                              const auto& [x, y, z] = triangles_[order_[k]];
                              leaves_[leaf].set(
-                                 k % kLeaf, box,
+                                 (k - begin) % kLeaf, box,
                                  {number_of(x), number_of(y), number_of(z)});
-                             levels_[0][leaf].include(box);
+                             boxes_[leaf].include(box);
                          }
                      });
-        while (levels_.back().size() > 1)
+    }
+
+    /// Of each corner whether the triangles of these patches around it meet in nothing
+    /// but what they share, for sure. Those of a boundary are not looked at.
+    std::vector<char> simple_corners(const std::vector<std::uint32_t>& patches) const
+    {
+        const auto for_triangles = [&](const auto& visit_one)
         {
-            const std::vector<FloatBox>& below = levels_.back();
-            std::vector<FloatBox> level((below.size() + 1) / 2);
-            for (std::size_t i = 0; i < below.size(); ++i)
-                level[i / 2].include(below[i]);
-            levels_.push_back(std::move(level));
-        }
+            for (const std::uint32_t patch : patches)
+            {
+                const auto [begin, end] = patches_.range(0, patch);
+                for (std::size_t k = begin; k < end; ++k)
+                    visit_one(triangles_[order_[k]]);
+            }
+        };
+        // Of each corner the passes by it: the corner before and the one after.
+        std::vector<std::uint32_t> end(places_.size() + 1, 0);
+        std::vector<char> has_parted(places_.size(), 0);
+        for_triangles(
+            [&](const Triangle& t)
+            {
+                for (const std::uint32_t corner : t)
+                {
+                    ++end[joined_[corner] + 1];
+                    has_parted[joined_[corner]] |= static_cast<char>(is_parted(corner));
+                }
+            });
+        std::partial_sum(end.begin(), end.end(), end.begin());
+        std::vector<std::array<std::uint32_t, 2>> passes(end.back());
+        for_triangles(
+            [&](const Triangle& t)
+            {
+                for (std::size_t k = 0; k < 3; ++k)
+                    passes[end[joined_[t[k]]]++] = {joined_[t[(k + 1) % 3]],
+                                                    joined_[t[(k + 2) % 3]]};
+            });
+        std::vector<char> is_simple(places_.size(), 0);
+        parallel_for(places_.size(), kSmallBodies,
+                     [&](std::size_t corner)
+                     {
+                         const std::size_t begin = corner == 0 ? 0 : end[corner - 1];
+                         const std::span<const std::array<std::uint32_t, 2>> around =
+                             std::span(passes).subspan(begin, end[corner] - begin);
+                         is_simple[corner] =
+                             !around.empty() && !has_parted[corner] &&
+                             std::none_of(around.begin(), around.end(),
+                                          [&](const auto& pass) {
+                                              return has_parted[pass[0]] ||
+                                                     has_parted[pass[1]];
+                                          }) &&
+                             is_fan(around, corner, places_);
+                     });
+        return is_simple;
     }
 
-    std::size_t end_of(std::size_t leaf) const
+    void test_patches(std::size_t a, std::size_t b, Tally& tally) const
     {
-        return std::min(order_.size(), (leaf + 1) * kLeaf);
+        const std::size_t in_a = first_leaf_[a], in_b = first_leaf_[b];
+        std::array<std::size_t, kLeaves> near; // leaves of b
+        std::size_t count = 0;
+        for (std::size_t leaf = in_b; leaf < in_b + kLeaves; ++leaf)
+            if (boxes_[leaf].meets(levels_[0].boxes[a]))
+                near[count++] = leaf;
+        for (std::size_t leaf = in_a; leaf < in_a + kLeaves; ++leaf)
+            if (boxes_[leaf].meets(levels_[0].boxes[b]))
+                for (std::size_t k = 0; k < count; ++k)
+                    if ((a != b || near[k] >= leaf) &&
+                        boxes_[leaf].meets(boxes_[near[k]]))
+                        test_leaves(patches_.range(0, a)[0] + kLeaf * (leaf - in_a), leaf,
+                                    patches_.range(0, b)[0] + kLeaf * (near[k] - in_b),
+                                    near[k], tally);
     }
 
-    /// Of two nodes that meet.
-    void visit(const NodePair& pair, Tally& tally) const
-    {
-        if (pair.level == 0)
-            return test_leaves(pair.a, pair.b, tally);
-        for_pairs_below(pair,
-                        [&](const NodePair& next)
-                        {
-                            if (do_meet(next))
-                                visit(next, tally);
-                        });
-    }
-
-    void test_leaves(std::size_t a, std::size_t b, Tally& tally) const
+    /// \p from, \p begin: where the triangles of the leaves are in the order.
+    void test_leaves(std::size_t from, std::size_t a, std::size_t begin, std::size_t b,
+                     Tally& tally) const
     {
         if (tally.is_over())
             return;
         const TriangleLeaf &one = leaves_[a], &other = leaves_[b];
-        const FloatBox& box = levels_[0][b];
+        const FloatBox& box = boxes_[b];
         unsigned of_one = one.met({box.low[0], box.low[1], box.low[2]},
                                   {box.high[0], box.high[1], box.high[2]});
         for (; of_one != 0; of_one &= of_one - 1)
@@ -437,10 +603,9 @@ private:
             if (met != 0)
                 met &= ~other.sharing(one, i);
             for (; met != 0; met &= met - 1)
-                test_pair(
-                    order_[a * kLeaf + i],
-                    order_[b * kLeaf + static_cast<std::size_t>(std::countr_zero(met))],
-                    tally);
+                test_pair(order_[from + i],
+                          order_[begin + static_cast<std::size_t>(std::countr_zero(met))],
+                          tally);
         }
     }
 
@@ -520,9 +685,12 @@ private:
     const std::vector<std::uint32_t>& order_;
     /// Near which boxes are counted.
     Eigen::Vector3d corner_ = Eigen::Vector3d::Constant(INFINITY);
-    std::vector<TriangleLeaf> leaves_; ///< in that order, from corner_
-    /// Of the leaves, of pairs of them, and so on up to one.
-    std::vector<std::vector<FloatBox>> levels_;
+    const SurfacePatches& patches_;
+    std::vector<Level> levels_;
+    static constexpr std::uint32_t kNoLeaf = 0xffffffff;
+    std::vector<std::uint32_t> first_leaf_; ///< of each smallest patch
+    std::vector<TriangleLeaf> leaves_;      ///< from corner_, as their boxes
+    std::vector<FloatBox> boxes_;
 };
 
 IntersectionCounter::IntersectionCounter(std::span<const Triangle> triangles,
@@ -532,8 +700,17 @@ IntersectionCounter::IntersectionCounter(std::span<const Triangle> triangles,
     if (!can_tell_triangle_pairs() || triangles.empty())
         return;
     joined_ = joined_samples(rest);
-    order_ = along_curve(triangles, rest);
+    const std::vector<std::uint64_t> keys = along_curve(triangles, rest);
+    order_.resize(keys.size());
+    std::transform(keys.begin(), keys.end(), order_.begin(),
+                   [](std::uint64_t key) { return static_cast<std::uint32_t>(key); });
+    const int bits = bits_of_block(keys.size());
+    patches_ = std::make_unique<const SurfacePatches>(
+        triangles, joined_, order_,
+        [&](std::size_t k) { return (keys[k] ^ keys[k + 1]) >> bits != 0; });
 }
+
+IntersectionCounter::~IntersectionCounter() = default;
 
 std::optional<SelfIntersections>
 IntersectionCounter::count(const std::vector<Eigen::Vector3d>& places) const

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -11,6 +12,8 @@
 
 namespace cellwarp
 {
+
+class SurfacePatches;
 
 /// Pairs of triangles.
 struct SelfIntersections
@@ -31,6 +34,7 @@ public:
                         const std::vector<Eigen::Vector3d>& rest);
     IntersectionCounter(std::span<const Triangle> triangles,
                         const std::vector<Eigen::Vector3d>&& rest) = delete;
+    ~IntersectionCounter();
 
     /// With the samples at \p places, as many as at rest. Nothing in a build without
     /// CGAL, or where the triangles are so crammed that the boxes of 1,000 others would
@@ -45,6 +49,7 @@ private:
     const std::vector<Eigen::Vector3d>& rest_;
     std::vector<std::uint32_t> joined_; ///< of each sample the first at its place
     std::vector<std::uint32_t> order_;  ///< of the triangles
+    std::unique_ptr<const SurfacePatches> patches_;
 };
 
 } // namespace cellwarp

@@ -3,12 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <map>
 #include <numbers>
 #include <random>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "octree/base/parallel.h"
 #include "octree/wrap/triangle_pair.h"
 #include "tests/support/shapes.h"
@@ -69,6 +73,177 @@ std::int64_t count_of_neighbours(const Shape& shape,
             };
             count += triangles_meet(corners(a), corners(b), static_cast<int>(shared));
         }
+    return count;
+}
+
+/// All pairs whose boxes meet, found along x and tested one by one.
+SelfIntersections full_count(const Shape& rest, const std::vector<Eigen::Vector3d>& now)
+{
+    std::vector<Eigen::AlignedBox3d> boxes(rest.triangles.size());
+    std::vector<std::size_t> order(boxes.size());
+    for (std::size_t t = 0; t < boxes.size(); ++t)
+    {
+        order[t] = t;
+        for (const std::uint32_t corner : rest.triangles[t])
+            boxes[t].extend(now[corner]);
+    }
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b)
+              { return boxes[a].min().x() < boxes[b].min().x(); });
+    SelfIntersections found;
+    const auto test = [&](std::size_t one, std::size_t other)
+    {
+        Triangle a = rest.triangles[one], b = rest.triangles[other];
+        std::size_t shared = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+            for (std::size_t l = shared; l < 3; ++l)
+                if (rest.samples[a[k]] == rest.samples[b[l]])
+                {
+                    std::swap(a[k], a[shared]);
+                    std::swap(b[l], b[shared]);
+                    ++shared;
+                    break;
+                }
+        const auto do_meet = [&](const std::vector<Eigen::Vector3d>& at)
+        {
+            return triangles_meet({at[a[0]], at[a[1]], at[a[2]]},
+                                  {at[b[0]], at[b[1]], at[b[2]]},
+                                  static_cast<int>(shared));
+        };
+        if (!do_meet(now))
+            return;
+        ++found.all;
+        if (do_meet(rest.samples))
+            return;
+        ++found.fresh;
+        found.first_fresh =
+            std::min(found.first_fresh.value_or(one), std::min(one, other));
+    };
+    for (std::size_t i = 0; i < order.size(); ++i)
+        for (std::size_t j = i + 1;
+             j < order.size() && boxes[order[j]].min().x() <= boxes[order[i]].max().x();
+             ++j)
+            if (boxes[order[i]].intersects(boxes[order[j]]))
+                test(order[i], order[j]);
+    return found;
+}
+
+/// The same surface in four times as many triangles, \p times.
+Shape finer(Shape shape, int times)
+{
+    for (; times > 0; --times)
+    {
+        Shape next;
+        next.samples = shape.samples;
+        std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
+        const auto middle = [&](std::uint32_t a, std::uint32_t b)
+        {
+            const auto [at, is_new] =
+                middles.try_emplace(std::minmax(a, b), next.samples.size());
+            if (is_new)
+                next.samples.push_back(0.5 * (shape.samples[a] + shape.samples[b]));
+            return at->second;
+        };
+        for (const auto& [a, b, c] : shape.triangles)
+        {
+            const std::uint32_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+            for (const Triangle& t : {Triangle{a, ab, ca}, Triangle{ab, b, bc},
+                                      Triangle{ca, bc, c}, Triangle{ab, bc, ca}})
+                next.triangles.push_back(t);
+        }
+        shape = std::move(next);
+    }
+    return shape;
+}
+
+/// Ways to move a shape whose longest side is about 1 along x.
+using Move = std::function<Eigen::Vector3d(const Eigen::Vector3d&)>;
+std::vector<Move> moves()
+{
+    const auto bend = [](double angle)
+    {
+        return [=](const Eigen::Vector3d& x)
+        {
+            const double radius = 1.0 / angle - x.y();
+            return Eigen::Vector3d(radius * std::sin(angle * x.x()),
+                                   1.0 / angle - radius * std::cos(angle * x.x()), x.z());
+        };
+    };
+    const auto twist = [](double angle)
+    {
+        return [=](const Eigen::Vector3d& x) -> Eigen::Vector3d
+        { return Eigen::AngleAxisd(angle * x.x(), Eigen::Vector3d::UnitX()) * x; };
+    };
+    const auto noise = [](double size)
+    {
+        return [size, rng = std::mt19937(11)](const Eigen::Vector3d& x) mutable
+        { return Eigen::Vector3d(x + support::random_vector(rng, size)); };
+    };
+    const auto wave = [](double size)
+    {
+        return [=](const Eigen::Vector3d& x)
+        {
+            return Eigen::Vector3d(x +
+                                   size * Eigen::Vector3d(std::sin(31.0 * x.y() + x.z()),
+                                                          std::sin(37.0 * x.x()),
+                                                          std::sin(29.0 * x.x() + 1.0)));
+        };
+    };
+    return {[](const Eigen::Vector3d& x) { return x; },
+            bend(1.5),
+            bend(-4.0),
+            bend(7.0),
+            twist(4.0),
+            twist(40.0),
+            noise(1e-3),
+            noise(1e-2),
+            wave(0.02),
+            wave(0.1),
+            [](const Eigen::Vector3d& x)
+            { return Eigen::Vector3d(std::abs(x.x() - 0.1), x.y(), x.z()); },
+            [](const Eigen::Vector3d& x)
+            { return Eigen::Vector3d(-x.x(), x.y(), 0.3 * x.z() * x.z()); },
+            [](const Eigen::Vector3d& x)
+            { return Eigen::Vector3d(x.x(), x.y() + x.x() * x.x(), 1e-9 * x.z()); }};
+}
+
+/// How many pairs intersect of the shape moved in all those ways.
+std::int64_t expect_full_counts(Shape shape, const std::string& name)
+{
+    Eigen::AlignedBox3d box;
+    for (const Eigen::Vector3d& x : shape.samples)
+        box.extend(x);
+    Eigen::Index longest = 0;
+    const double size = box.sizes().maxCoeff(&longest);
+    for (Eigen::Vector3d& x : shape.samples)
+    {
+        x = (x - box.center()) / size;
+        std::rotate(x.data(), x.data() + longest, x.data() + 3);
+    }
+    const IntersectionCounter counter(shape.triangles, shape.samples);
+    std::int64_t count = 0;
+    int which = 0;
+    for (const Move& move : moves())
+    {
+        SCOPED_TRACE(name + ", way " + std::to_string(which++));
+        std::vector<Eigen::Vector3d> moved(shape.samples.size());
+        // By place, so that samples at one place stay together.
+        std::map<std::array<double, 3>, Eigen::Vector3d> known;
+        for (std::size_t i = 0; i < moved.size(); ++i)
+        {
+            const Eigen::Vector3d& x = shape.samples[i];
+            const auto [at, is_new] = known.try_emplace({x.x(), x.y(), x.z()});
+            if (is_new)
+                at->second = move(x);
+            moved[i] = at->second;
+        }
+        const SelfIntersections wanted = full_count(shape, moved);
+        const SelfIntersections found = *counter.count(moved);
+        EXPECT_EQ(found.all, wanted.all);
+        EXPECT_EQ(found.fresh, wanted.fresh);
+        EXPECT_EQ(found.first_fresh, wanted.first_fresh);
+        count += wanted.all;
+    }
     return count;
 }
 
@@ -285,6 +460,70 @@ TEST(SelfIntersections, are_found_where_a_seam_has_come_open)
     EXPECT_GT(wanted, 0);
     EXPECT_EQ(IntersectionCounter(shape.triangles, rest).count(shape.samples)->fresh,
               wanted);
+}
+
+TEST(SelfIntersections, of_moved_surfaces_are_those_of_a_full_count)
+{
+    // Of thousands of triangles, so that there are patches of several levels.
+    std::int64_t count =
+        expect_full_counts(finer(support::l_prism(), 2), "L-prism") +
+        expect_full_counts(finer(support::comb(), 2), "comb") +
+        expect_full_counts(support::sheet_shape(3, 1, 14), "sheet") +
+        expect_full_counts(
+            support::joined(support::box_shape({0, 0, 0}, {1, 0.1, 0.1}, 10),
+                            support::box_shape({0.2, 0.11, 0.02}, {1.4, 0.2, 0.13}, 9)),
+            "two bars side by side") +
+        expect_full_counts(
+            support::joined(
+                support::sheet_shape(2, 1, 14),
+                finer(support::box_shape({0.4, 0.4, -0.3}, {0.7, 0.7, 0.3}, 3), 1)),
+            "sheet and a box through it");
+    // Faces turned over at random, and with corners of their own.
+    Shape soup = support::box_shape({0, 0, 0}, {3, 1, 1}, 10);
+    std::mt19937 rng(3);
+    std::shuffle(soup.triangles.begin(), soup.triangles.end(), rng);
+    for (Triangle& t : soup.triangles)
+        if (rng() % 9 == 0)
+            std::swap(t[0], t[1]);
+    count += expect_full_counts(soup, "faces turned over");
+    Shape apart;
+    for (const Triangle& t : soup.triangles)
+    {
+        const auto first = static_cast<std::uint32_t>(apart.samples.size());
+        for (const std::uint32_t corner : t)
+            apart.samples.push_back(soup.samples[corner]);
+        apart.triangles.push_back({first, first + 1, first + 2});
+    }
+    count += expect_full_counts(apart, "soup");
+    // Some twice, some without area.
+    for (std::size_t t = 0; t < 40; ++t)
+    {
+        soup.triangles.push_back(soup.triangles[17 * t]);
+        soup.triangles.push_back({soup.triangles[13 * t][0], soup.triangles[13 * t][1],
+                                  soup.triangles[13 * t][0]});
+    }
+    count += expect_full_counts(soup, "faces that are there twice");
+    EXPECT_GT(count, 10000);
+}
+
+TEST(SelfIntersections, of_moved_models_are_those_of_a_full_count)
+{
+    const char* const folder = std::getenv("CELLWARP_TEST_DATA");
+    if (!folder)
+        GTEST_SKIP() << "CELLWARP_TEST_DATA is not set";
+    for (const char* const name :
+         {"beetle.obj", "spot.obj", "fandisk.obj", "armadillo.obj"})
+    {
+        const GeometryFile file = read_geometry(std::string(folder) + "/" + name, {});
+        Shape shape;
+        shape.samples = file.geometry.samples;
+        for (std::size_t f = 0; f < file.geometry.num_faces(); ++f)
+            for (std::size_t k = 2; k < file.geometry.face(f).size(); ++k)
+                shape.triangles.push_back({file.geometry.face(f)[0],
+                                           file.geometry.face(f)[k - 1],
+                                           file.geometry.face(f)[k]});
+        expect_full_counts(shape, name);
+    }
 }
 
 TEST(SelfIntersections, leave_out_triangles_without_area)
