@@ -17,10 +17,8 @@
 #include <vector>
 
 #include <unistd.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
+#include "editor/session/large_heap.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "io/text.h"
@@ -269,9 +267,7 @@ double memory_with(double more, double max_memory)
     const double bytes = resident_memory() + more;
     if (!(max_memory > 0) || bytes <= max_memory)
         return bytes;
-#ifdef __GLIBC__
-    ::malloc_trim(0);
-#endif
+    release_freed_memory();
     return resident_memory() + more;
 }
 

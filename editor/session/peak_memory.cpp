@@ -9,9 +9,8 @@
 #include <string>
 
 #include <sys/resource.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
+
+#include "editor/session/large_heap.h"
 
 namespace cellwarp
 {
@@ -47,9 +46,7 @@ bool forget_peak()
 
 PeakMemory::PeakMemory()
 {
-#ifdef __GLIBC__
-    ::malloc_trim(0);
-#endif
+    release_freed_memory();
     is_since_start_ = forget_peak();
 }
 
