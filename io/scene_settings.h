@@ -16,7 +16,7 @@ struct SceneSettings
 {
     struct Cells
     {
-        std::optional<std::string> fill;
+        std::optional<std::string> fill, loose;
         std::optional<std::int64_t> across, max_depth;
         std::optional<double> threshold, gap, thickness;
         std::optional<bool> join, flat, contact;
@@ -71,6 +71,7 @@ void visit_settings(Visit&& visit, Settings&... settings)
     visit("cells", "threshold", Real{0.0, 1e300}, settings.cells.threshold...);
     visit("cells", "gap", Real{1e-6, 1.0}, settings.cells.gap...);
     visit("cells", "thickness", Real{1e-6, 1.0}, settings.cells.thickness...);
+    visit("cells", "loose", OneOf{{"follow", "stay"}}, settings.cells.loose...);
     visit("cells", "join", YesOrNo{}, settings.cells.join...);
     visit("cells", "flat", YesOrNo{}, settings.cells.flat...);
     visit("cells", "contact", YesOrNo{}, settings.cells.contact...);

@@ -128,6 +128,10 @@ counterclockwise, seen with the axis pointing at you.
         fmt::format("of shells and open sheets, of the diagonal; solids ignore "
                     "it (default {})",
                     defaults.cells.thickness));
+    app.add_option(
+        "--loose", settings.cells.loose,
+        "follow or stay: a part that no region holds goes with the part nearest to it, "
+        "or keeps its place (default follow; stay with --energy botsch07)");
     app.add_flag_function(
         "--join", [this](std::int64_t) { settings.cells.join = true; },
         "closed parts of a mesh that touch or overlap at rest are one material (default: "

@@ -167,6 +167,9 @@ void add_cells(Json& json, const Session& session)
     const double diagonal = system->rest().frame.diagonal();
     json["across"] = system->rest().across;
     json["faces_of_glue"] = system->body().cells.faces.size();
+    const PartsByHold parts = system->parts_by_hold();
+    json["parts"] = {
+        {"held", parts.held}, {"follow", parts.follow}, {"stay", parts.stay}};
     json["groups_of_cells"] = system->minimizer().multigrid().sizes();
     json["material"] = {{"inside", inside_name(material.method)},
                         {"voxel", material.grid.shape().voxel() / diagonal},

@@ -48,9 +48,11 @@ struct CellSettings
     double threshold = INFINITY;
     /// Errors of the cells [work]; empty: cell_errors(). Benchmarks compare others.
     std::function<std::vector<double>(const CellSystem&)> errors = {};
-    double gap = 0.008;       ///< [diagonal] parts farther apart are never glued
-    double thickness = 0.01;  ///< [diagonal] of sheets: of what bounds no inside
-    bool is_flat = false;     ///< all stays in the plane that the samples lie in
+    double gap = 0.008;      ///< [diagonal] parts farther apart are never glued
+    double thickness = 0.01; ///< [diagonal] of sheets: of what bounds no inside
+    bool is_flat = false;    ///< all stays in the plane that the samples lie in
+    /// Components that no region holds go with the one nearest to them; else they stay.
+    bool loose_follow = true;
     bool joins_parts = false; ///< closed parts that touch or overlap are one material
     bool has_contact = false; ///< parts that come to touch do not pass through each other
     std::int64_t max_cells = 200000;

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "editor/session/border_bending.h"
+#include "editor/session/contact_rounds.h"
 #include "editor/session/memory_limit.h"
 #include "editor/session/region_cells.h"
 #include "io/error.h"
@@ -83,6 +84,9 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
                                                  rest().flat_axis >= 0),
                  settings);
     rods_ = pushing_splines(components);
+    if (settings.loose_follow && regions_->size() > 0)
+        loose_ =
+            LooseParts(body_, glue_, factors, components, constraints_, has_rigid_steps_);
     if (rest().boundary)
         finder_.emplace(body_, factors, constraints_);
     make_minimizer();
@@ -449,7 +453,10 @@ void CellSystem::take_solved_rods()
 
 double CellSystem::energy() const
 {
-    double energy = glue_energy(glue_, poses_);
+    double energy =
+        glue_energy(glue_, poses_,
+                    [&](const GlueFace& face)
+                    { return constraints_[idx(face.a)].hold != Hold::Following; });
     for (const FoundContact& found : contacts_)
         energy += contact_energy(found.contact, poses_[idx(found.contact.a)],
                                  poses_[idx(found.contact.b)]);
@@ -479,27 +486,95 @@ void CellSystem::hold_pins()
     }
 }
 
+/// Of each part.
+std::vector<std::size_t> CellSystem::samples_of_parts() const
+{
+    std::vector<std::size_t> in_cell(body_->cells.size(), 0);
+    for (const int cell : body_->cell_of_sample)
+        ++in_cell[idx(cell)];
+    std::vector<std::size_t> samples;
+    for (const Part& part : parts_)
+    {
+        std::size_t& of_part = samples.emplace_back(0);
+        for (const int cell : part.component.cells)
+            of_part += in_cell[idx(cell)];
+    }
+    return samples;
+}
+
+PartsByHold CellSystem::parts_by_hold() const
+{
+    PartsByHold counts;
+    const std::vector<std::size_t> samples = samples_of_parts();
+    for (std::size_t k = 0; k < parts_.size(); ++k)
+    {
+        const Hold hold = constraints_[idx(parts_[k].component.cells.front())].hold;
+        std::size_t& of = parts_[k].component.is_held ? counts.held
+                          : hold == Hold::Following   ? counts.follow
+                                                      : counts.stay;
+        of += samples[k] > 0;
+    }
+    return counts;
+}
+
+/// Parts are numbered by their first samples.
+void CellSystem::warn_of_loose_parts(std::span<const std::size_t> samples)
+{
+    constexpr std::size_t kMostTold = 6;
+    std::vector<std::size_t> part_of_cell(body_->cells.size());
+    for (std::size_t k = 0; k < parts_.size(); ++k)
+        for (const int cell : parts_[k].component.cells)
+            part_of_cell[idx(cell)] = k;
+    std::vector<int> number(parts_.size(), -1);
+    int count = 0;
+    for (const int cell : body_->cell_of_sample)
+        if (int& of_part = number[part_of_cell[idx(cell)]]; of_part < 0)
+            of_part = count++;
+    std::vector<int> goes_with(parts_.size(), -1); // number of a part with samples
+    std::vector<std::pair<int, int>> told;
+    std::size_t num_samples = 0;
+    for (const BridgedComponent& one : loose_.components())
+    {
+        const std::size_t own = idx(one.component), to = idx(one.to);
+        goes_with[own] = number[to] >= 0 ? number[to] : goes_with[to];
+        if (number[own] < 0)
+            continue;
+        told.emplace_back(number[own], goes_with[own]);
+        num_samples += samples[own];
+    }
+    if (told.empty())
+        return;
+    std::sort(told.begin(), told.end());
+    std::string pairs;
+    for (std::size_t k = 0; k < std::min(kMostTold, told.size()); ++k)
+        pairs += fmt::format("{}{} with {}", k == 0 ? "" : ", ", told[k].first,
+                             told[k].second);
+    warnings_.push_back(fmt::format(
+        "{} of {} parts have no region and go with the part nearest to them: {}{} ({} of "
+        "{} samples; --loose stay keeps them at rest)",
+        told.size(), count, pairs, told.size() > kMostTold ? ", ..." : "", num_samples,
+        body_->cell_of_sample.size()));
+}
+
 void CellSystem::warn_of_components()
 {
     if (regions_->size() == 0)
         return; // nothing is asked of any
+    const std::vector<std::size_t> samples = samples_of_parts();
     std::size_t num_idle = 0, num_samples = 0;
-    std::vector<char> is_idle(body_->cells.size(), 0);
-    for (const Part& part : parts_)
-        if (!part.component.is_held)
+    for (std::size_t k = 0; k < parts_.size(); ++k)
+        if (constraints_[idx(parts_[k].component.cells.front())].hold == Hold::Idle)
         {
             ++num_idle;
-            for (const int cell : part.component.cells)
-                is_idle[idx(cell)] = 1;
+            num_samples += samples[k];
         }
-    for (const int cell : body_->cell_of_sample)
-        num_samples += idx(is_idle[idx(cell)]);
     // Bits of material without samples stay unseen.
     if (num_samples > 0)
         warnings_.push_back(fmt::format(
             "{} of {} components have no region: they stay at rest ({} of "
             "{} samples)",
             num_idle, parts_.size(), num_samples, body_->cell_of_sample.size()));
+    warn_of_loose_parts(samples);
     for (const Part& part : parts_)
         if (part.component.free_rotations > 0)
             warnings_.push_back(fmt::format(
@@ -882,15 +957,17 @@ void CellSystem::solve_to_holds(const SolveOptions& options, double used,
 void CellSystem::forget_way()
 {
     const bool is_refreshed = minimizer_->is_refreshed();
-    take_contacts({});
+    if (!contacts_.empty())
+    {
+        contacts_.clear();
+        take_contacts();
+    }
     minimizer_->forget(poses_, is_refreshed);
 }
 
-void CellSystem::take_contacts(std::vector<FoundContact> contacts)
+/// After they have changed.
+void CellSystem::take_contacts()
 {
-    if (contacts.empty() && contacts_.empty())
-        return;
-    contacts_ = std::move(contacts);
     make_minimizer();
     place_pushing_rods();
     lead_pushing_rods();
@@ -898,23 +975,13 @@ void CellSystem::take_contacts(std::vector<FoundContact> contacts)
         minimizer_->forget(poses_, true); // at rest they do not touch
 }
 
-/// Whether a contact was solved with, from the same side.
-bool CellSystem::is_known(const FoundContact& found) const
-{
-    constexpr double kSameSide = 0.9; // cosine
-    const auto known = std::lower_bound(contacts_.begin(), contacts_.end(), found.point,
-                                        [](const FoundContact& other, std::size_t point)
-                                        { return other.point < point; });
-    return known != contacts_.end() && known->point == found.point &&
-           known->contact.b == found.contact.b &&
-           known->contact.outward.dot(found.contact.outward) >= kSameSide;
-}
-
 std::vector<FoundContact> CellSystem::contacts() const
 {
     std::vector<FoundContact> found;
     if (finder_)
         found = finder_->find(poses_);
+    const std::vector<FoundContact> of_loose = loose_.contacts(poses_);
+    found.insert(found.end(), of_loose.begin(), of_loose.end());
     std::erase_if(found, [](const FoundContact& one) { return !(one.depth > 0.0); });
     return found;
 }
@@ -926,78 +993,6 @@ void CellSystem::take_solved()
         take_solved_rods();
     take_guided();
     settle_groups();
-}
-
-SolveReport CellSystem::solve_with_contacts(const SolveOptions& options)
-{
-    constexpr int kRounds = 8;
-    constexpr double kLoose = 1e-3; // gradient of all rounds but the last
-    // No reason for another round, and none to say that it did not end [voxel].
-    constexpr double kShallow = 0.25, kFair = 1.0;
-    const Clock::time_point start = Clock::now();
-    take_contacts(finder_->find(poses_));
-    bool is_last = contacts_.empty() || options.gradient_tolerance >= kLoose;
-    const auto options_after = [&](int iterations)
-    {
-        SolveOptions now = options;
-        if (!is_last)
-        {
-            now.gradient_tolerance = kLoose;
-            now.checks_stability = false;
-        }
-        now.max_iterations = std::max(0, options.max_iterations - iterations);
-        if (options.time_budget > 0)
-            now.time_budget =
-                std::max(1e-9, options.time_budget - 1e-3 * ms_since(start));
-        if (options.watch)
-            now.watch = [&options, iterations](int k, double gradient, double energy)
-            { options.watch(iterations + k, gradient, energy); };
-        return now;
-    };
-    SolveReport report = minimizer_->minimize(poses_, options_after(0));
-    take_solved();
-    for (int round = 0; report.stop == Stop::Converged; ++round)
-    {
-        const double shallow =
-            (round < kRounds ? kShallow : kFair) * rest().material.grid.shape().voxel();
-        std::vector<FoundContact> all = finder_->find(poses_);
-        const bool has_new = std::any_of(all.begin(), all.end(),
-                                         [&](const FoundContact& one) {
-                                             return one.depth > shallow && !is_known(one);
-                                         });
-        // What has come free stays in sight: it would fall back in the next round. What
-        // is well behind its plane but no longer found has gone past the plane's end.
-        std::vector<FoundContact> free;
-        const auto is_before = [](const FoundContact& a, const FoundContact& b)
-        { return a.point < b.point; };
-        std::set_difference(contacts_.begin(), contacts_.end(), all.begin(), all.end(),
-                            std::back_inserter(free), is_before);
-        const std::size_t num_past =
-            std::erase_if(free,
-                          [&](const FoundContact& one)
-                          {
-                              return contact_gap(one.contact, poses_[idx(one.contact.a)],
-                                                 poses_[idx(one.contact.b)]) < -shallow;
-                          });
-        const bool goes_on = has_new || num_past > 0;
-        if (!goes_on && is_last)
-            break;
-        if (round == kRounds)
-        {
-            report.stop = Stop::IterationLimit;
-            break;
-        }
-        is_last = is_last || !goes_on || round + 2 >= kRounds;
-        const auto middle = all.insert(all.end(), free.begin(), free.end());
-        std::inplace_merge(all.begin(), middle, all.end(), is_before);
-        take_contacts(std::move(all));
-        SolveReport next = minimizer_->minimize(poses_, options_after(report.iterations));
-        take_solved();
-        next.add_earlier(report);
-        next.energy_before = report.energy_before;
-        report = next;
-    }
-    return report;
 }
 
 /// Where the last solve has left pins on curves.
@@ -1018,13 +1013,32 @@ SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
     rods_lead_ = rods_lead;
     lead_pushing_rods();
     const Clock::time_point start = Clock::now();
-    SolveReport report =
-        finder_ ? solve_with_contacts(options) : minimizer_->minimize(poses_, options);
+    SolveReport report;
+    if (!finder_)
+        report = minimizer_->minimize(poses_, options);
+    else
+        report = solve_in_contact({*finder_, rest().material.grid.shape().voxel(), poses_,
+                                   contacts_, [&] { take_contacts(); },
+                                   [&](const SolveOptions& now)
+                                   {
+                                       const SolveReport solved =
+                                           minimizer_->minimize(poses_, now);
+                                       take_solved();
+                                       return solved;
+                                   }},
+                                  options);
     if (pushing_ &&
         (report.iterations > 0 || std::count(is_bent_.begin(), is_bent_.end(), 1) > 0))
         solve_to_holds(options, 1e-3 * ms_since(start), report);
     take_guided();
     settle_groups();
+    SolveOptions rest_of = options;
+    if (options.time_budget > 0)
+        rest_of.time_budget =
+            std::max(1e-9, options.time_budget - 1e-3 * ms_since(start));
+    const Stop of_loose = loose_.follow(poses_, rest_of).stop;
+    if (report.stop == Stop::Converged)
+        report.stop = of_loose;
     return report;
 }
 

@@ -14,6 +14,7 @@
 #include "editor/session/body.h"
 #include "editor/session/contact_finder.h"
 #include "editor/session/handle_trajectory.h"
+#include "editor/session/loose_parts.h"
 #include "editor/session/pushing_splines.h"
 #include "editor/session/region_set.h"
 #include "solver/cells/cell_minimizer.h"
@@ -28,6 +29,15 @@ struct CellSystemSettings
     double max_memory = 0.0; ///< of the process [byte], 0: no limit
     Method method = Method::Newton;
     Departures departures = {};
+    bool loose_follow = true; ///< see CellSettings
+};
+
+/// Components that have samples, by what becomes of them.
+struct PartsByHold
+{
+    std::size_t held = 0;   ///< by regions
+    std::size_t follow = 0; ///< others
+    std::size_t stay = 0;   ///< at rest
 };
 
 /// Where the cells of a system are.
@@ -77,6 +87,7 @@ public:
     Motion motion_at(std::size_t region, const Eigen::Vector3d& x) const;
     const CellMinimizer& minimizer() const { return *minimizer_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
+    PartsByHold parts_by_hold() const;
 
     /// Finds where the regions' corrections act, unless it has: for a field, or a drag.
     void place_fades();
@@ -153,7 +164,7 @@ public:
     /// Of each region the centroid of the glue between its cells and free ones; its
     /// centre where there is none [work].
     std::vector<Eigen::Vector3d> region_borders() const;
-    /// Of the glue, of contacts, and of the rods that push back.
+    /// Of the glue, of contacts, and of the rods that push back; not of what follows.
     double energy() const;
     /// Where parts are pressed against each other at the current poses.
     std::vector<FoundContact> contacts() const;
@@ -244,13 +255,13 @@ private:
     void take_solved_rods();
     void take_guided();
     void make_minimizer();
-    void take_contacts(std::vector<FoundContact> contacts);
-    bool is_known(const FoundContact& found) const;
+    void take_contacts();
     void take_solved();
-    SolveReport solve_with_contacts(const SolveOptions& options);
     void solve_to_holds(const SolveOptions& options, double used, SolveReport& report);
     void hold_pins();
     void warn_of_components();
+    void warn_of_loose_parts(std::span<const std::size_t> samples);
+    std::vector<std::size_t> samples_of_parts() const;
     std::map<std::array<double, 3>, int> samples_near_other_regions() const;
     void check_memory(const char* what, double bytes,
                       const CellSystemSettings& settings) const;
@@ -268,6 +279,7 @@ private:
     std::vector<Constraint> constraints_;
     std::vector<Part> parts_;
     Glue glue_;
+    LooseParts loose_;
     std::optional<ContactFinder> finder_;
     std::vector<FoundContact> contacts_;
     bool has_rigid_steps_;                     ///< see Departures

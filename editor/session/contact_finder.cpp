@@ -43,6 +43,12 @@ constexpr int kNearSteps = 3;
 /// From the middle of a cube to its corner, of its edge.
 const double kToCorner = std::sqrt(0.75);
 
+/// What slides takes part in no contact; what follows in those of its own solve.
+bool takes_part(const Constraint& constraint)
+{
+    return constraint.hold != Hold::Sliding && constraint.hold != Hold::Following;
+}
+
 std::vector<int> cells_near(const Cells& cells, int cell)
 {
     std::vector<int> near = {cell}, last = near;
@@ -90,14 +96,14 @@ ContactFinder::ContactFinder(std::shared_ptr<const Body> body,
     const std::vector<BoundaryPoint>& points = body_->rest->boundary->all();
     for (std::size_t p = 0; p < points.size(); ++p)
         if (const int cell = body_->pieces.at(grid, points[p].voxel);
-            cell >= 0 && constraints[idx(cell)].hold != Hold::Sliding)
+            cell >= 0 && takes_part(constraints[idx(cell)]))
         {
             points_[idx(cell)].push_back(p);
             material_[idx(cell)] = grid.material()[grid.index(points[p].voxel)];
         }
-    // What slides takes part in no contact: no boundary is of material 0.
+    // No boundary is of material 0.
     for (std::size_t c = 0; c < constraints.size(); ++c)
-        if (constraints[c].hold == Hold::Sliding)
+        if (!takes_part(constraints[c]))
             material_[c] = 0;
 }
 

@@ -33,6 +33,8 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
     cells.gap = scene.settings.cells.gap.value_or(cells.gap);
     cells.thickness = scene.settings.cells.thickness.value_or(cells.thickness);
     cells.is_flat = scene.settings.cells.flat.value_or(cells.is_flat);
+    cells.loose_follow =
+        scene.settings.cells.loose.value_or(is_paper ? "stay" : "follow") == "follow";
     cells.joins_parts = scene.settings.cells.join.value_or(cells.joins_parts);
     cells.has_contact = scene.settings.cells.contact.value_or(cells.has_contact);
     cells.max_cells = scene.settings.cells.max_cells.value_or(cells.max_cells);

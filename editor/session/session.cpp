@@ -190,7 +190,8 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
 
 CellSystemSettings Session::system_settings() const
 {
-    return {settings_.cells.max_memory, settings_.method, settings_.departures};
+    return {settings_.cells.max_memory, settings_.method, settings_.departures,
+            settings_.cells.loose_follow};
 }
 
 std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,

@@ -280,6 +280,9 @@ void show_cells_panel(EditorApp& app, PanelState& state)
                                                {"closed", "Solid, openings closed"},
                                                {"shell", "Shell"}}};
     is_done |= show_choice("Fill", settings.cells.fill, kFills);
+    constexpr std::array<Choice, 3> kLoose = {
+        {{nullptr, "Follow (default)"}, {"follow", "Follow"}, {"stay", "Stay"}}};
+    is_done |= show_choice("Loose parts", settings.cells.loose, kLoose);
     if (bool joins = settings.cells.join.value_or(false);
         ImGui::Checkbox("Join parts that touch", &joins))
     {

@@ -96,8 +96,11 @@ std::vector<Component> find_components(const Cells& cells,
         }
         component.is_held = has_prescribed || !pins.empty();
         if (!component.is_held)
+        {
             for (const int cell : component.cells)
-                constraints[idx(cell)].hold = Hold::Idle;
+                if (constraints[idx(cell)].hold == Hold::Free)
+                    constraints[idx(cell)].hold = Hold::Idle;
+        }
         else if (!has_prescribed)
         {
             component.free_rotations = rotations_about(pins);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Which cells may move, and how: free, prescribed, pinned at a point, grouped to one body
-// that is, or idle in a component that nothing holds.
+// that is, or idle or following in a component that nothing holds.
 #pragma once
 
 #include <array>
@@ -22,7 +22,8 @@ enum class Hold
     Pinned,     ///< one of its points is given, it turns about it
     Sliding,    ///< one of its points stays on a curve, it turns about it
     Grouped,    ///< with others it is one rigid body, which turns about a given point
-    Idle        ///< no region holds its component: it stays at rest
+    Idle,       ///< nothing holds its component: it stays at rest
+    Following   ///< nothing holds its component: it goes with another one
 };
 
 /// A place of a curve, and its derivatives by the parameter.
@@ -77,12 +78,12 @@ struct Constraint
 struct Component
 {
     std::vector<int> cells;
-    bool is_held = false;   ///< by a cell that is neither free nor idle
+    bool is_held = false;   ///< by a cell that is neither free, idle nor following
     int free_rotations = 0; ///< of the whole component: 3 about one pin, 1 about an axis
 };
 
 /// The components, by first cell, a group joining those that its cells are in; sets
-/// Hold::Idle in the ones that nothing holds.
+/// Hold::Idle in the ones that nothing holds, unless they follow.
 std::vector<Component> find_components(const Cells& cells,
                                        std::vector<Constraint>& constraints);
 

@@ -378,6 +378,25 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
     return glue;
 }
 
+std::vector<GlueFace> bridge_glue(const Cells& cells, std::span<const Bridge> bridges,
+                                  std::span<const double> cell_factors)
+{
+    std::vector<GlueFace> faces;
+    for (const Bridge& bridge : bridges)
+    {
+        GlueFace& face = faces.emplace_back();
+        face.a = bridge.a;
+        face.b = bridge.b;
+        face.length = bridge.length;
+        face.stiffness =
+            face_factor(cell_factors, bridge.a, bridge.b) * bridge.area / bridge.length;
+        face.reach_a = bridge.centre - cells.cells[idx(bridge.a)].centre;
+        face.reach_b = bridge.centre - cells.cells[idx(bridge.b)].centre;
+        face.moment = bridge.moment;
+    }
+    return faces;
+}
+
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b)
 {
     const Gap gap(face, a, b);
@@ -428,15 +447,17 @@ GlueBlock glue_coupling(const GlueFace& face, const Pose& a, const Pose& b)
     return {-stretch * inertia(C), -stretch * gap.arm_a, stretch * gap.arm_b, -stretch};
 }
 
-double glue_energy(const Glue& glue, std::span<const Pose> poses)
+double glue_energy(const Glue& glue, std::span<const Pose> poses,
+                   const std::function<bool(const GlueFace&)>& counts)
 {
     std::vector<double> energies(glue.faces.size());
     parallel_for(glue.faces.size(),
                  [&](std::size_t f)
                  {
                      const GlueFace& face = glue.faces[f];
-                     energies[f] =
-                         glue_energy(face, poses[idx(face.a)], poses[idx(face.b)]);
+                     if (!counts || counts(face))
+                         energies[f] =
+                             glue_energy(face, poses[idx(face.a)], poses[idx(face.b)]);
                  });
     double sum = 0.0;
     for (const double energy : energies)

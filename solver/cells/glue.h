@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include <Eigen/Geometry>
 
 #include "octree/base/rigid_motion.h"
+#include "octree/bridges.h"
 #include "octree/cells.h"
 #include "solver/cells/departures.h"
 #include "solver/cells/glue_block.h"
@@ -60,6 +62,10 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
                 std::span<const BorderGlue> borders = {},
                 const Departures& departures = {}, std::span<const double> bending = {});
 
+/// The glue of bridges between cells, as between those that touch.
+std::vector<GlueFace> bridge_glue(const Cells& cells, std::span<const Bridge> bridges,
+                                  std::span<const double> cell_factors);
+
 /// The same glue where groups of cells are one rigid body each: a group's faces are its
 /// leader's, and those within it are gone. \p leaders: of each cell; -1: it is in none.
 Glue with_groups(const Glue& glue, const Cells& cells, std::span<const int> leaders);
@@ -84,7 +90,8 @@ GlueBlock glue_diagonal_b(const GlueFace& face, const Pose& a, const Pose& b,
 /// is in the diagonal.
 GlueBlock glue_coupling(const GlueFace& face, const Pose& a, const Pose& b);
 
-/// Sum over all faces, in their order.
-double glue_energy(const Glue& glue, std::span<const Pose> poses);
+/// Sum over all faces, in their order, or over those that \p counts.
+double glue_energy(const Glue& glue, std::span<const Pose> poses,
+                   const std::function<bool(const GlueFace&)>& counts = {});
 
 } // namespace cellwarp

@@ -132,7 +132,7 @@ double least_stretch(const Cells& cells, const Glue& glue,
     double least = 1.0;
     for (std::size_t i = 0; i < maps.size(); ++i)
     {
-        if (is_rigid(constraints[i]))
+        if (is_rigid(constraints[i]) || constraints[i].hold == Hold::Following)
             continue;
         const Eigen::Matrix3d stretch = poses[i].R.transpose() * maps[i].gradient;
         const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(
