@@ -127,9 +127,21 @@ void CellSystem::make_minimizer()
     std::vector<CellContact> in_contact;
     for (const FoundContact& found : contacts_)
         in_contact.push_back(found.contact);
-    minimizer_ = CellMinimizer(
-        cells, groups_.empty() ? glue_ : with_groups(glue_, cells, leaders), constraints_,
-        find_components(cells, constraints_), has_rigid_steps_, make_rods, in_contact);
+    // What follows is solved for by itself: nothing here may depend on it.
+    std::optional<Glue> other;
+    if (!groups_.empty())
+        other = with_groups(glue_, cells, leaders);
+    if (!loose_.components().empty())
+    {
+        if (!other)
+            other = glue_;
+        std::erase_if(other->faces, [&](const GlueFace& face)
+                      { return constraints_[idx(face.a)].hold == Hold::Following; });
+        other->list_faces_of_cells(cells.size());
+    }
+    minimizer_ = CellMinimizer(cells, other ? *other : glue_, constraints_,
+                               find_components(cells, constraints_), has_rigid_steps_,
+                               make_rods, in_contact);
     pushing_ = pushing;
 }
 

@@ -484,6 +484,7 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         maybe(scene.settings.cells.threshold, double(rng()) * 5e-324);
         maybe(scene.settings.cells.gap, 1e-6 + double(rng()) / 3e10);
         maybe(scene.settings.cells.thickness, 1e-6 + double(rng()) / 3e10);
+        maybe(scene.settings.cells.loose, rng() % 2 ? "follow" : "stay");
         maybe(scene.settings.cells.join, rng() % 2 == 0);
         maybe(scene.settings.cells.max_cells, std::int64_t(1 + rng() / 2));
         if (rng() % 2)
@@ -511,6 +512,7 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         EXPECT_EQ(again.settings.cells.threshold, scene.settings.cells.threshold);
         EXPECT_EQ(again.settings.cells.gap, scene.settings.cells.gap);
         EXPECT_EQ(again.settings.cells.thickness, scene.settings.cells.thickness);
+        EXPECT_EQ(again.settings.cells.loose, scene.settings.cells.loose);
         EXPECT_EQ(again.settings.cells.join, scene.settings.cells.join);
         EXPECT_EQ(again.settings.cells.max_cells, scene.settings.cells.max_cells);
         EXPECT_EQ(again.settings.field.drag, scene.settings.field.drag);

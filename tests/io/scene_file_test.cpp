@@ -32,7 +32,7 @@ TEST(SceneFile, reads_every_key)
         "cellwarp": 1, "model": "a.obj", "handles": "/b.handles",
         "energy": "botsch07",
         "cells": {"fill": "shell", "across": 20, "max_depth": 2, "threshold": 0.01,
-                  "gap": 0.02, "thickness": 0.03, "join": true, "contact": true, "max_cells": 5000,
+                  "gap": 0.02, "thickness": 0.03, "loose": "stay", "join": true, "contact": true, "max_cells": 5000,
                   "frame": {"origin": [1, 2, 3], "axes": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
                             "size": [4, 5, 0]}},
         "field": {"drag": "closest4", "release": "rbf-global"}})");
@@ -45,6 +45,7 @@ TEST(SceneFile, reads_every_key)
     EXPECT_EQ(scene.settings.cells.threshold, 0.01);
     EXPECT_EQ(scene.settings.cells.gap, 0.02);
     EXPECT_EQ(scene.settings.cells.thickness, 0.03);
+    EXPECT_EQ(scene.settings.cells.loose, "stay");
     EXPECT_EQ(scene.settings.cells.join, true);
     EXPECT_EQ(scene.settings.cells.contact, true);
     EXPECT_EQ(scene.settings.cells.max_cells, 5000);
@@ -86,6 +87,7 @@ TEST(SceneFile, names_the_line_or_the_key_of_what_is_wrong)
                          "s.json:1: model: need a text"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": -1})")), "cells.gap"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": "x"})")), "cells.gap"));
+    EXPECT_TRUE(contains(refused(with(R"("cells": {"loose": "go"})")), "cells.loose"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"join": 1})")),
                          "cells.join: got 1, need true or false"));
     EXPECT_TRUE(

@@ -592,15 +592,36 @@ TEST(Cli, samples_that_no_region_moves_are_counted)
     const std::string model = folder.write(
         "m.obj", support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 2)) +
                      "v 3 3 3\nv 4 4 4\n");
-    const Result result =
-        run({"deform", model, "-o", folder / "out{1}.obj", "--fix", "box -1 -1 -1 2 2 1",
-             "--handle", "top box -1 -1 3 2 2 5", "--move", "top translate 0 0 0.1"});
+    const std::vector<std::string> all = {"deform",
+                                          model,
+                                          "-o",
+                                          folder / "out{1}.obj",
+                                          "--overwrite",
+                                          "--fix",
+                                          "box -1 -1 -1 2 2 1",
+                                          "--handle",
+                                          "top box -1 -1 3 2 2 5",
+                                          "--move",
+                                          "top translate 0 0 0.1"};
+    std::vector<std::string> staying = all;
+    staying.insert(staying.end(), {"--loose", "stay"});
+    const Result result = run(staying);
     EXPECT_EQ(result.code, 0);
     EXPECT_TRUE(contains(result.err,
                          "2 of 3 components have no region: they stay at rest "
                          "(2 of "))
         << result.err;
     EXPECT_TRUE(std::filesystem::exists(folder / "out{1}.obj"));
+    staying.back() = "follow";
+    for (const std::vector<std::string>& following : {all, staying})
+    {
+        const Result follows = run(following);
+        EXPECT_EQ(follows.code, 0);
+        EXPECT_TRUE(contains(follows.err,
+                             "2 of 3 parts have no region and go with the part "
+                             "nearest to them: 1 with 0, 2 with 1 (2 of "))
+            << follows.err;
+    }
 }
 
 TEST(Cli, malformed_files_exit_with_3_and_leave_nothing)
