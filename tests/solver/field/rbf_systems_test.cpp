@@ -168,10 +168,10 @@ TEST(RbfSystems, far_from_where_cells_change_are_used_again_to_the_bit)
     ASSERT_GT(fine.cells.size(), coarse.cells.size() + 100);
     RbfSystems systems;
     FieldFitter before = coarse.fitter(&systems);
-    const Field first = *before.fit(coarse.poses, {});
+    const Field first = before.fit(coarse.poses, {});
     EXPECT_EQ(before.num_factored(), first.num_clusters());
     FieldFitter fitter = fine.fitter(&systems);
-    const Field field = *fitter.fit(fine.poses, {});
+    const Field field = fitter.fit(fine.poses, {});
     EXPECT_EQ(fitter.num_solved(), field.num_clusters());
     EXPECT_LT(fitter.num_factored(), field.num_clusters());
     const Field fresh =
@@ -189,18 +189,18 @@ TEST(RbfSystems, for_which_there_is_no_room_change_no_bit_of_a_fit)
     const DividedBar bar(1.0);
     RbfSystems all;
     FieldFitter keeping = bar.fitter(&all);
-    const Field first = *keeping.fit(bar.poses, {});
+    const Field first = keeping.fit(bar.poses, {});
     RbfSystems none(0), some(all.num_bytes() / 2);
     std::vector<Pose> moved = bar.poses;
     for (Pose& pose : moved)
         pose.p.y() += 0.02 * pose.p.z();
-    const Field kept = *keeping.fit(moved, {});
+    const Field kept = keeping.fit(moved, {});
     EXPECT_EQ(keeping.num_factored(), 0u);
     for (RbfSystems* const systems : {&none, &some})
     {
         FieldFitter fitter = bar.fitter(systems);
         (void)fitter.fit(bar.poses, {});
-        const Field field = *fitter.fit(moved, {});
+        const Field field = fitter.fit(moved, {});
         EXPECT_EQ(fitter.num_factored() == field.num_clusters(), systems == &none);
         EXPECT_LE(systems->num_bytes(), all.num_bytes() / 2);
         for (std::size_t c = 0; c < bar.cells.size(); ++c)
