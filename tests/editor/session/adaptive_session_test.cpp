@@ -124,7 +124,7 @@ void for_each_glued_pair(const Session& session, Visit&& visit)
 
 TEST(AdaptiveSession, refines_near_a_local_handle_and_not_far_away)
 {
-    const Session session = played(kRegions + "frame 1\n" + kPull, adaptive(1.5e-3, 3));
+    const Session session = played(kRegions + "frame 1\n" + kPull, adaptive(1e-3, 3));
     const Body& body = session.system()->body();
     std::size_t num_fine = 0;
     for (const Cell& cell : body.cells.cells)

