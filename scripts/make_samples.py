@@ -637,7 +637,8 @@ def flesh(folder):
                    materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 2.5e4}],
                    contact=[{"sphere": [0, 0.38, 0.78, 0.25], "friction": 0.5,
                              "keys": [dict(time=t, translate=[0, 0, z]) for t, z in ball]}])
-    # The same in large cells, which are halved as long as the ball is there.
+    # Much the same in large cells, which are halved as long as the ball is there.
+    ball = [(0.0, 0.0), (0.5, -0.375), (0.9, -0.375), (1.1, 0.0)]
     skeleton_scene(into, "detail", "belly.obj", body,
                    [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
                    in_time(2.25, every=0.125), E=8e4, nu=0.45, across=14, max_depth=2, detail=0.03,
