@@ -60,7 +60,7 @@ bool is_at_border(const VoxelGrid& grid, const Notches& notches,
     return false;
 }
 
-/// Of each component its voxels at the border.
+/// The voxels at the border of each component.
 std::vector<std::vector<Eigen::Vector3i>>
 border_voxels(const VoxelGrid& grid, const Pieces& pieces, const Notches& notches,
               std::span<const int> component, std::size_t num_components)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which samples the voxels of material are nearest to, measured through the material.
+// The samples to which the voxels of material are nearest, through the material.
 #pragma once
 
 #include <cstddef>

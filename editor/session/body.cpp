@@ -56,7 +56,7 @@ constexpr double kMostOpenVoxels = 7.5e6;
 constexpr std::size_t kFewPoints = 1500;
 constexpr double kVoxelsPerSpacing = 8.0, kFewVoxels = 3e5, kVoxelsPerPoint = 3e3;
 
-/// How far the points of a small cloud are apart; 0 of any other shape.
+/// The distance between the points of a small cloud; 0 for any other shape.
 double spacing_of_few(const Shape& shape)
 {
     return shape.is_cloud() && shape.samples.size() <= kFewPoints

@@ -127,7 +127,7 @@ void CellSystem::make_minimizer()
     std::vector<CellContact> in_contact;
     for (const FoundContact& found : contacts_)
         in_contact.push_back(found.contact);
-    // What follows is solved for by itself: nothing here may depend on it.
+    // Parts that follow are solved for by themselves: nothing here may depend on them.
     std::optional<Glue> other;
     if (!groups_.empty())
         other = with_groups(glue_, cells, leaders);
@@ -498,7 +498,7 @@ void CellSystem::hold_pins()
     }
 }
 
-/// Of each part.
+/// The number of samples in each part.
 std::vector<std::size_t> CellSystem::samples_of_parts() const
 {
     std::vector<std::size_t> in_cell(body_->cells.size(), 0);
@@ -844,7 +844,7 @@ std::vector<CellSystem::PinWay> CellSystem::pin_ways(std::span<const Motion> fro
                 before.push_back(holder.at(from[holder.step]));
                 after.push_back(holder.at(to[holder.step]));
             }
-        // Where rods and curves go is found on the way.
+        // The targets of rods and curves are found on the way.
         if (before.size() < part.holders.size() || before.empty())
             continue;
         Step best;

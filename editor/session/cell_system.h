@@ -116,8 +116,8 @@ public:
         Eigen::Vector3d rest, from, left; ///< place at rest and at first; what is left
         Motion at(double t) const;        ///< \p t in [0, 1)
     };
-    /// Of the pins that go round when the regions go from motions to motions; on curves
-    /// and beside rods they go with these.
+    /// The ways of the pins that go round when the regions go from motions to motions.
+    /// Pins on curves, and in parts with rods, go with these.
     std::vector<PinWay> pin_ways(std::span<const Motion> from,
                                  std::span<const Motion> to) const;
     /// The share of its curve's rest length where a pin is, and the force of the curve on
@@ -164,7 +164,8 @@ public:
     /// Of each region the centroid of the glue between its cells and free ones; its
     /// centre where there is none [work].
     std::vector<Eigen::Vector3d> region_borders() const;
-    /// Of the glue, of contacts, and of the rods that push back; not of what follows.
+    /// The energy of the glue, of contacts, and of the rods that push back; parts that
+    /// follow do not count.
     double energy() const;
     /// Where parts are pressed against each other at the current poses.
     std::vector<FoundContact> contacts() const;
@@ -172,8 +173,8 @@ public:
     double largest_gap() const;
 
 private:
-    /// What tells where a part of the material goes: the place of a pin's cell, of a
-    /// handle where the part borders it, or of a rod.
+    /// A place that leads a part of the material: that of a pin's cell, of a handle where
+    /// the part borders it, or of a rod.
     struct Holder
     {
         std::size_t step; ///< in steps_

@@ -43,7 +43,7 @@ constexpr int kNearSteps = 3;
 /// From the middle of a cube to its corner, of its edge.
 const double kToCorner = std::sqrt(0.75);
 
-/// What slides takes part in no contact; what follows in those of its own solve.
+/// Sliding cells take part in no contact, following ones in those of their own solve.
 bool takes_part(const Constraint& constraint)
 {
     return constraint.hold != Hold::Sliding && constraint.hold != Hold::Following;

@@ -70,8 +70,9 @@ SolveReport solve_in_contact(const SolvedInContact& of, const SolveOptions& opti
             std::any_of(all.begin(), all.end(),
                         [&](const FoundContact& one)
                         { return one.depth > shallow && !is_known(one, of.contacts); });
-        // What has come free stays in sight: it would fall back in the next round. What
-        // is well behind its plane but no longer found has gone past the plane's end.
+        // Contacts that have come free are kept: they would be found again in the next
+        // round. One that is well behind its plane but no longer found has passed the
+        // end of the plane.
         std::vector<FoundContact> free;
         const auto is_before = [](const FoundContact& a, const FoundContact& b)
         { return a.point < b.point; };

@@ -11,7 +11,7 @@
 namespace cellwarp
 {
 
-/// What a solve in contact works on.
+/// The objects that a solve in contact works on.
 struct SolvedInContact
 {
     const ContactFinder& finder;

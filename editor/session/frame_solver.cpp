@@ -30,7 +30,7 @@ constexpr double kTravelTolerance = 1e-3, kTravelPlace = 1e-2;
 /// cells.
 constexpr double kChoiceTolerance = 1e-5, kChoicePlace = 1e-6;
 
-/// How far a point may be from its end after the last solve [diagonal].
+/// The distance of a point from its end that the last solve may leave [diagonal].
 constexpr double kLastPlace = 1e-8;
 
 /// The least part of such a step that a rod goes by itself.
@@ -230,7 +230,8 @@ struct FrameSolver::Start
     CellSystemState state;
 };
 
-/// What the plan has a rod or curve begin from; of what was not held, where it is.
+/// The holds from which a rod or curve begins: those of the plan, and the current place
+/// of each point that was not held.
 SplineHolds FrameSolver::start_of_holds(std::size_t region) const
 {
     SplineHolds start = plan_.from_holds[region];

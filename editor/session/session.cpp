@@ -97,7 +97,7 @@ struct Session::StageState
     std::unique_ptr<Field> field;
 };
 
-/// Where the session stands, to come back to. The cells are shared, not copied.
+/// A state of the session to roll back to. The cells are shared, not copied.
 struct Session::Standing
 {
     ScriptPlace place;
@@ -745,7 +745,7 @@ void Session::update_samples()
     is_deformed_current_ = true;
 }
 
-/// What the samples are now is the rest of the next stage.
+/// The samples as they are now become the rest of the next stage.
 void Session::commit()
 {
     if (!is_deformed_current_)

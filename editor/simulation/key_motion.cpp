@@ -37,7 +37,7 @@ std::optional<OneAxis> one_axis(const RodKey& a, const RodKey& b)
     return std::nullopt;
 }
 
-/// Of a key, with a sign: whole turns count up to two.
+/// The quaternion of a key, with a sign: whole turns count up to two.
 Eigen::Quaterniond quaternion_of(const RodKey& key)
 {
     const Eigen::Vector3d axis(key.rotate[0], key.rotate[1], key.rotate[2]);

@@ -7,7 +7,7 @@
 namespace cellwarp
 {
 
-/// How far from pi an angle may be and still count as a half turn [rad]: numbers that
+/// The distance from pi at which an angle still counts as a half turn [rad]: numbers that
 /// were stored in single precision, or computed in double, are off by less.
 inline constexpr double kHalfTurnRounding = 1e-6;
 

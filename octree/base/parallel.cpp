@@ -20,8 +20,8 @@ namespace cellwarp
 namespace
 {
 
-/// How often a part of a loop looks at its scope, unless its grain is larger than that
-/// share of it.
+/// The number of times that a part of a loop looks at its scope, unless its grain is
+/// larger than that share of it.
 constexpr std::size_t kLooks = 64;
 
 /// Calls \p body for [begin, end), in pieces between which \p scope is looked at.
