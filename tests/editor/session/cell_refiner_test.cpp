@@ -24,6 +24,12 @@ namespace
 const std::string kEnds = "fixed foot box -1 -1 -1 2 2 0.500001\n"
                           "handle head box -1 -1 3.499999 2 2 5\n";
 
+/// A bud in a corner of the foot, smaller than a cell.
+const std::string kBudInFoot = "fixed foot box 0.13 -1 -1 2 2 0.500001\n"
+                               "fixed foot box -1 0.13 -1 2 2 0.500001\n"
+                               "fixed foot box -1 -1 0.13 2 2 0.500001\n"
+                               "handle bud box 0.0 0.0 0.0 0.13 0.13 0.13\n";
+
 /// A bar of 1 x 1 x 4 in 2 x 2 x 8 cells.
 CellSettings coarse(int max_depth, double threshold)
 {
@@ -442,10 +448,7 @@ TEST(CellRefiner, splits_first_where_a_region_would_have_no_cell_of_its_own)
     double error_everywhere = 1.0;
     CellSettings settings = coarse(3, 1e-3);
     settings.errors = marked([&](const Eigen::Vector3d&) { return error_everywhere; });
-    const RestModel model = bar(settings, "fixed foot box 0.13 -1 -1 2 2 0.500001\n"
-                                          "fixed foot box -1 0.13 -1 2 2 0.500001\n"
-                                          "fixed foot box -1 -1 0.13 2 2 0.500001\n"
-                                          "handle bud box 0.0 0.0 0.0 0.13 0.13 0.13\n");
+    const RestModel model = bar(settings, kBudInFoot);
     CellRefiner cells = refiner(model);
     CellSystem system = cells.first();
     EXPECT_GT(level_at(system, {0.05, 0.05, 0.05}), 0);
@@ -473,10 +476,7 @@ TEST(CellRefiner, merges_the_rest_where_some_leaves_must_stay_for_a_region)
     CellSettings settings = coarse(2, 1e-3);
     settings.errors = marked([&](const Eigen::Vector3d&) { return error_everywhere; });
     // All of the bud's cells are split: merged, its cell would be the foot's.
-    const RestModel model = bar(settings, "fixed foot box 0.13 -1 -1 2 2 0.500001\n"
-                                          "fixed foot box -1 0.13 -1 2 2 0.500001\n"
-                                          "fixed foot box -1 -1 0.13 2 2 0.500001\n"
-                                          "handle bud box 0.0 0.0 0.0 0.13 0.13 0.13\n");
+    const RestModel model = bar(settings, kBudInFoot);
     CellRefiner cells = refiner(model);
     CellSystem system = cells.first();
     while (std::optional<CellSystem> next = cells.finer(system))
@@ -572,10 +572,7 @@ TEST(CellRefiner, regions_get_no_more_cells_than_there_may_be)
 {
     CellSettings settings = coarse(3, 1e-3);
     settings.max_cells = 35;
-    const RestModel model = bar(settings, "fixed foot box 0.13 -1 -1 2 2 0.500001\n"
-                                          "fixed foot box -1 0.13 -1 2 2 0.500001\n"
-                                          "fixed foot box -1 -1 0.13 2 2 0.500001\n"
-                                          "handle bud box 0.0 0.0 0.0 0.13 0.13 0.13\n");
+    const RestModel model = bar(settings, kBudInFoot);
     CellRefiner cells = refiner(model);
     EXPECT_TRUE(contains(error_of(Fault::Unsolvable, [&] { cells.first(); }),
                          "has no cell of its own"));
