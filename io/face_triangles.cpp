@@ -46,7 +46,7 @@ namespace
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// What differs by no more than this share counts as equal: coordinates are rounded.
+/// Numbers that differ by no more than this share are equal: coordinates are rounded.
 constexpr double kSame = 1e-6;
 
 bool is_before(const Vector3d& a, const Vector3d& b)
@@ -256,8 +256,8 @@ private:
     struct Candidate
     {
         bool is_ear;
-        /// Of an ear the squared length of the cut, else twice the area of the triangle.
-        /// Rounded: what is equal is so to the bit.
+        /// The squared length of an ear's cut, else twice the area of the triangle. It
+        /// is rounded, so that equal sizes are equal to the bit.
         float size;
         std::uint32_t corner;
         std::uint32_t change; ///< number of the corner's last change then

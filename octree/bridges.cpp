@@ -159,7 +159,7 @@ std::vector<Link> tree_of(const Trees& trees, const std::vector<bool>& is_held)
     return links;
 }
 
-/// What the spots between two cells add up to.
+/// Sums over the spots between two cells.
 struct Sums
 {
     double share = 0.0, way = 0.0; ///< [voxel]

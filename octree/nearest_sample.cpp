@@ -283,7 +283,7 @@ private:
         found_.emplace_back(kind, voxels);
     }
 
-    /// Of samples at equal distances the first counts.
+    /// The first sample counts where several are equally near.
     std::uint32_t kind_nearest_to(const Eigen::Vector3d& x)
     {
         const float least = near_candidates_.measure(x, distances_);

@@ -306,7 +306,7 @@ private:
         std::uint32_t a, b;
     };
 
-    /// What one thread has found, and its room for contours.
+    /// The pairs that one thread found, and its room for contours.
     struct Search
     {
         std::vector<PatchPair> near; ///< of the smallest
@@ -441,7 +441,7 @@ private:
                         [&](const PatchPair& next) { visit(level - 1, next, search); });
     }
 
-    /// Of the smallest patches those pairs that may meet.
+    /// The pairs of smallest patches that may meet.
     std::vector<PatchPair> near_pairs() const
     {
         constexpr std::size_t kEnough = 512; // for all threads
@@ -509,8 +509,8 @@ private:
                      });
     }
 
-    /// Of each corner whether the triangles of these patches around it meet in nothing
-    /// but what they share, for sure. Those of a boundary are not looked at.
+    /// For each corner: whether the triangles of these patches around it surely meet in
+    /// nothing but shared corners and sides. Corners of a boundary are left out.
     std::vector<char> simple_corners(const std::vector<std::uint32_t>& patches) const
     {
         const auto for_triangles = [&](const auto& visit_one)
@@ -522,7 +522,7 @@ private:
                     visit_one(triangles_[order_[k]]);
             }
         };
-        // Of each corner the passes by it: the corner before and the one after.
+        // For each corner the passes by it: the corner before and the one after.
         std::vector<std::uint32_t> end(places_.size() + 1, 0);
         std::vector<char> has_parted(places_.size(), 0);
         for_triangles(

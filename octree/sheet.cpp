@@ -416,7 +416,7 @@ std::optional<PointSquare> square_of(const PointTree& tree, std::size_t point)
         return std::nullopt;
     if (near.size() == kNeighbours + 2)
     {
-        // Of equally near ones all count: the tree has them in some order.
+        // Equally near samples all count: the tree returns them in some order.
         const double farthest = std::sqrt(near[kNeighbours].distance_squared);
         if (std::sqrt(near.back().distance_squared) < farthest * (1.0 + kAside))
             tree.within(x, farthest * (1.0 + kAside), near);

@@ -41,7 +41,7 @@ constexpr std::uint32_t kNobody = 0xffffffff;
 /// The cosine of the steepest angle at which a triangle may be seen.
 constexpr double kSteepest = 0.07;
 
-/// Of the views: direction k, and 13 + k the opposite one.
+/// Number of axes of views: view k looks along axis k, view 13 + k the opposite way.
 constexpr std::size_t kAxes = 13;
 const std::array<Eigen::Vector3d, kAxes>& view_axes()
 {
@@ -59,7 +59,7 @@ const std::array<Eigen::Vector3d, kAxes>& view_axes()
     return axes;
 }
 
-/// Of those directions the one in the middle.
+/// The middle of the directions in a set of views.
 Eigen::Vector3d best_view(Views views)
 {
     const auto direction = [](std::size_t k) -> Eigen::Vector3d
@@ -82,8 +82,8 @@ Eigen::Vector3d best_view(Views views)
 /// Far beyond rounding, relative to the picture.
 constexpr double kApart = 1e-12;
 
-/// Of the triangles of a patch, which have three times as many sides; a patch that is
-/// about as wide as long has a quarter of this.
+/// A bound of the sides in the contour of a patch: its triangles have three times as many
+/// sides. A patch that is about as wide as long has a quarter of the bound.
 std::size_t longest_contour(std::size_t triangles)
 {
     return std::min(2 * triangles, static_cast<std::size_t>(
@@ -120,7 +120,7 @@ public:
             return;
         }
     }
-    /// What does not cancel, sorted.
+    /// The sides that do not cancel, sorted.
     void end(std::vector<PatchSide>& sides) const
     {
         sides.clear();
@@ -174,7 +174,7 @@ std::span<const PatchSide> SurfacePatches::contour(std::size_t level,
     return std::span(block.sides).subspan(begin, block.ends[k] - begin);
 }
 
-/// Of the triangles from \p begin to \p end in the order.
+/// The contour of the triangles from \p begin to \p end in the order.
 void SurfacePatches::find_sides(std::size_t begin, std::size_t end, Balance& balance,
                                 std::vector<PatchSide>& sides) const
 {
@@ -192,7 +192,7 @@ void SurfacePatches::find_sides(std::size_t begin, std::size_t end, Balance& bal
     balance.end(sides);
 }
 
-/// Of the patches below one.
+/// The contour of a patch, from those of the patches below it.
 void SurfacePatches::join_patches(std::size_t level, std::size_t patch,
                                   std::vector<PatchSide>& sum,
                                   std::vector<PatchSide>& room) const

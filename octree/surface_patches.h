@@ -44,7 +44,7 @@ public:
 
     std::size_t num_levels() const { return contours_.size(); }
     std::size_t num_patches(std::size_t level) const;
-    /// Where they begin and end in the order.
+    /// The first triangle of a patch in the order, and the one behind its last.
     std::array<std::size_t, 2> range(std::size_t level, std::size_t patch) const;
 
     /// A side of a triangle, by the corners that it leads from and to. Those of one pair
@@ -94,7 +94,7 @@ private:
     std::vector<std::vector<Block>> contours_; ///< of each level
 };
 
-/// What is left of two contours: of the sides of both those that do not cancel. Sorted.
+/// The contour of two patches together: the sides of both that do not cancel. Sorted.
 void join_contours(std::span<const SurfacePatches::Side> one,
                    std::span<const SurfacePatches::Side> other,
                    std::vector<SurfacePatches::Side>& out);

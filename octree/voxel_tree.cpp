@@ -15,7 +15,7 @@ namespace
 /// Voxels that are few enough to look at one by one.
 constexpr int kFewVoxelsOfNode = 8;
 
-/// Of different voxels none are nearer: a search may end there.
+/// The least distance of different voxels: a search may end there.
 constexpr std::int64_t kBeside = 1;
 
 std::int64_t squared(const Eigen::Vector3i& step)

@@ -18,7 +18,7 @@ namespace
 /// is kept then, so that rounding does not decide.
 constexpr double kEqualWays = 0.02;
 
-/// What counts as no energy [work^3].
+/// An energy below this counts as none [work^3].
 constexpr double kNoEnergy = 1e-20;
 
 bool is_finished(const FrameReport& report)

@@ -19,7 +19,7 @@ constexpr std::size_t kPage = 4096;                      // [byte]
 constexpr std::size_t kLargePage = std::size_t{2} << 20; // [byte]
 /// So much is asked of the system at once. Pages that nobody touches cost nothing.
 constexpr std::size_t kBlock = std::size_t{32} << 20;
-/// Of what is free so much stays with us [byte].
+/// The heap keeps at most so much free memory [byte].
 constexpr std::size_t kMostKept = std::size_t{4} << 20;
 
 constexpr std::size_t rounded_up(std::size_t bytes, std::size_t to)
@@ -73,7 +73,7 @@ void* LargeHeap::take(std::size_t bytes) noexcept
         found = fitting(size);
     if (!found)
         return nullptr;
-    // What has been used before is mostly at the beginning.
+    // Memory that was used before is mostly at the beginning.
     const std::size_t kept = std::min(found->kept, size);
     if (found->size > size)
         insert(static_cast<std::size_t>(found - extents_.data()) + 1,
@@ -129,7 +129,7 @@ std::size_t LargeHeap::kept() const noexcept
     return kept_;
 }
 
-/// Of the free ones that are large enough the smallest.
+/// The smallest free extent that is large enough.
 LargeHeap::Extent* LargeHeap::fitting(std::size_t size) noexcept
 {
     Extent* best = nullptr;

@@ -245,7 +245,7 @@ std::vector<Vector3d> directions_as_told(std::span<const LineStation> rest,
             (1.0 - u) * (1.0 - 3.0 * u) * slope(k) + u * (3.0 * u - 2.0) * slope(k + 1);
         const Vector3d direction = station.direction + shift;
         const double length = direction.norm();
-        // Where it stands still it goes on as before.
+        // A direction whose speed vanishes is that of the place before.
         directions.push_back(length > kStill      ? Vector3d(direction / length)
                              : directions.empty() ? station.direction
                                                   : directions.back());
@@ -256,7 +256,8 @@ std::vector<Vector3d> directions_as_told(std::span<const LineStation> rest,
 namespace
 {
 
-/// Of a line's direction, and what has been carried across it, which is made orthogonal.
+/// The frame of a line: its direction, and a vector carried along it, which is made
+/// orthogonal to the direction.
 Matrix3d frame_of(const Vector3d& direction, Vector3d& across)
 {
     across = (across - direction.dot(across) * direction).normalized();

@@ -61,7 +61,7 @@ struct LineStation
 std::vector<Eigen::Vector3d> directions_as_told(std::span<const LineStation> rest,
                                                 std::span<const ToldPlace> told);
 
-/// What carries the frames of a rest line to another one without twist.
+/// The rotations that carry the frames of a rest line to another line without twist.
 struct CarriedLine
 {
     std::vector<Eigen::Matrix3d> turns; ///< a station: of its frame, from rest

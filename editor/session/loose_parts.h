@@ -37,7 +37,7 @@ public:
     /// bridges; where the body's rest shape has a boundary, out of what they would pass
     /// through. A function of the poses alone.
     SolveReport follow(std::vector<Pose>& poses, const SolveOptions& options);
-    /// Where they are pressed against each other or against what is held.
+    /// Contacts of loose parts with each other and with what is held.
     std::vector<FoundContact> contacts(std::span<const Pose> poses) const;
 
 private:

@@ -40,8 +40,8 @@ constexpr std::pair<std::string_view, double> kOfFiles[] = {
 constexpr double kOfOtherFiles = 1.9;
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
-/// What the values of JSON text take beside the text, about, as measured: members of
-/// objects with their names, what follows a comma, lists and objects [byte].
+/// Memory that values of JSON text need beside the text, as measured: a member of an
+/// object with its name, a value behind a comma, a list or object [byte].
 constexpr double kOfMember = 128.0, kOfNext = 32.0, kOfBracket = 40.0;
 /// For each byte of the text, at the most.
 constexpr double kMostOfJson = 36.0;
@@ -76,8 +76,8 @@ private:
     double bytes_ = 0.0;
 };
 
-/// What the JSON of a glTF file of \p size takes beside its text [byte]. Looked at in
-/// full only where the most that it can take is more than \p room.
+/// Memory that the JSON of a glTF file of \p size needs beside its text [byte]. The text
+/// is read only where the most that it can need is more than \p room.
 double bytes_of_json(const std::string& path, double size, double room)
 {
     std::ifstream file(path, std::ios::binary);

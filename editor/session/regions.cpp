@@ -27,8 +27,8 @@ RegionShape shape_of(const Selector& selector, const Units& units)
 {
     const std::vector<double>& n = selector.numbers;
     const Eigen::Vector3d low = units.box.low, size = units.box.size();
-    // What is so near to the border is on it, and held: of a shape and its mirror image
-    // rounding must not hold different samples and voxels.
+    // A sample this near to the border is on it, and held: rounding must not hold other
+    // samples and voxels in the mirror image of a shape.
     const double slack = kCoincident * size.stableNorm();
     const bool is_relative = units.is_relative;
     const auto relative = [=](const Eigen::Vector3d& x)

@@ -34,8 +34,8 @@ struct SplineHold
     Eigen::Vector3d tangent = Eigen::Vector3d::Zero(); ///< unit
     double turn = 0.0;                                 ///< about the tangent [rad]
     bool is_told = false; ///< the tangent; else it is of rest
-    /// Of a held tangent: the rotation that carries the frame of rest to it, before the
-    /// turn. Follows from all holds, see held_line().
+    /// The rotation that carries the frame of rest to a held tangent, before the turn. It
+    /// follows from all holds, see held_line().
     Eigen::Matrix3d carried = Eigen::Matrix3d::Identity();
 
     bool operator==(const SplineHold&) const = default;

@@ -93,7 +93,7 @@ HeldLine held_line(const SplineHandle& rod, SplineHolds holds)
         carried_along(rest, directions, anchor,
                       shortest_turn(from, directions[anchor], from.unitOrthogonal()));
     line.turns_back |= carried.turns_back;
-    // What is twisted, where: station and angle.
+    // Stations with a held twist, and its angle.
     std::vector<std::pair<std::size_t, double>> twists;
     bool is_told = false;
     for (std::size_t k = 0; k < holds.size(); ++k)
@@ -186,8 +186,8 @@ HoldWay::HoldWay(const SplineHandle& rod, const SplineState& now, SplineHolds fr
     }
 }
 
-/// Where the points would be on the line that is bent as its frames are, without stretch,
-/// from the first one on.
+/// The places of the points, from the first one on, on a line that bends as its frames do
+/// and does not stretch.
 std::vector<Vector3d> HoldWay::bent_places(double t) const
 {
     const std::vector<Matrix3d> turns = bending_->at(t);

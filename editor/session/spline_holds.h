@@ -22,8 +22,7 @@ std::size_t frame_anchor(const SplineHandle& rod, const SplineHolds& holds);
 struct HeldLine
 {
     SplineHolds holds; ///< with the turns that carry the frames, SplineHold::carried
-    /// Of the stations of the handle: how their frames turn, from rest, with the twist
-    /// that is held.
+    /// The rotation of each station's frame from rest, with the twist that is held.
     std::vector<Eigen::Matrix3d> turns;
     /// A direction is told beyond a place where the line turns exactly back: about which
     /// axis is not told.

@@ -96,7 +96,7 @@ Pose shape_matched(const Pose& pose, const Twist& twist)
 namespace
 {
 
-/// Of w = cos(angle / 2) at a half turn.
+/// The least w = cos(angle / 2) of a rotation that is no half turn.
 constexpr double kHalfTurnCosine = 0.5 * kHalfTurnRounding;
 
 /// Whether the first component of an axis that is not small is negative. Some component

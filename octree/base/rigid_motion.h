@@ -62,8 +62,9 @@ Pose moved(const Pose& pose, const Twist& twist);
 /// linear part. [Botsch07]
 Pose shape_matched(const Pose& pose, const Twist& twist);
 
-/// Axis times angle in [0, pi] of a rotation. For an angle of pi, where both signs
-/// of the axis will do, the axis whose largest component is positive.
+/// Axis times angle of a rotation [rad]; the angle is in [0, pi]. A half turn (see
+/// is_half_turn()) has the axis whose first component above 0.3 in size is positive, and
+/// an angle of up to pi + kHalfTurnRounding.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);
 
 } // namespace cellwarp

@@ -28,7 +28,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
 
-/// Of w = cos(angle / 2) at a half turn.
+/// The least w = cos(angle / 2) of a rotation that is no half turn.
 constexpr double kHalfTurnCosine = 0.5 * kHalfTurnRounding;
 
 /// The span that a time lies in, and the share of it that has passed.

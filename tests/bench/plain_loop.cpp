@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What a plain loop takes that reads a mesh and writes it again: the measure for all that
-// the program does beside the edit itself. It checks next to nothing, and only knows OBJ
+// Measures a plain loop that reads a mesh and writes it again: the peer of everything
+// that the program does beside the edit itself. It checks next to nothing, and reads OBJ
 // with vertices and triangles, and binary PLY with three numbers of one type a vertex and
 // triangles. Prints seconds of reading, writing, and both, as JSON.
 #include <charconv>
@@ -111,7 +111,7 @@ std::string obj_of(const Mesh& mesh)
     return out;
 }
 
-/// Of a binary PLY.
+/// The header of a binary PLY.
 struct Header
 {
     std::size_t size = 0, num_vertices = 0, num_faces = 0;

@@ -28,7 +28,7 @@ Shape bar_and_boxes(const std::vector<double>& gaps)
     return shape;
 }
 
-/// Of what is nearest to the bar, of which cell 0 is a part, alone held.
+/// The bridges where the bar alone is held; cell 0 is a part of it.
 Bridges bridges_of(const support::Built& built)
 {
     const std::vector<int> component = connected_components(built.cells);

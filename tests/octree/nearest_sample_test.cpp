@@ -61,7 +61,7 @@ TEST(NearestSamples, are_measured_through_the_material)
     EXPECT_EQ(kinds[grid.index(grid.locate({3.9, 0.8, 0.5}))], 2u);
     for (std::size_t i = 0; i < grid.size(); ++i)
         EXPECT_EQ(kinds[i] == kNoKind, !grid.material()[i]);
-    // What is of kind 0 is left out.
+    // Samples of kind 0 are left out.
     const std::vector<std::uint32_t> second = kinds_of_voxels(nearest, grid, {0, 1}, 2);
     for (std::size_t i = 0; i < grid.size(); ++i)
         EXPECT_EQ(second[i] == 1, kinds[i] == 2);

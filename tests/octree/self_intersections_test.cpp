@@ -464,7 +464,7 @@ TEST(SelfIntersections, are_found_where_a_seam_has_come_open)
 
 TEST(SelfIntersections, of_moved_surfaces_are_those_of_a_full_count)
 {
-    // Of thousands of triangles, so that there are patches of several levels.
+    // Thousands of triangles, so that there are patches of several levels.
     std::int64_t count =
         expect_full_counts(finer(support::l_prism(), 2), "L-prism") +
         expect_full_counts(finer(support::comb(), 2), "comb") +

@@ -245,7 +245,7 @@ TEST(Body, of_few_points_has_no_finer_cells_and_voxels_than_these_resolve)
         for (const int cell : body.cell_of_sample)
             EXPECT_GE(cell, 0);
     }
-    // What is asked for is made.
+    // A number of cells that is asked for is kept.
     settings.across = 40;
     const Geometry eight = points(8, corner);
     EXPECT_EQ(build_rest_shape(eight, eight.samples, settings)->across, 40);

@@ -36,7 +36,7 @@ std::vector<LineStation> straight()
     return stations;
 }
 
-/// Of a circle of that angle, each station turned about the axis by its share.
+/// The turns of stations on a circle of that angle: each by its share about the axis.
 std::vector<Matrix3d> circle(const Vector3d& axis, double angle)
 {
     std::vector<Matrix3d> turns;
@@ -45,7 +45,7 @@ std::vector<Matrix3d> circle(const Vector3d& axis, double angle)
     return turns;
 }
 
-/// What is told of places of an arc in the plane of x and z.
+/// A place on an arc in the plane of x and z, as a hold states it.
 ToldPlace on_arc(double s, double angle)
 {
     ToldPlace told;

@@ -88,8 +88,8 @@ void expect_held_parts_do_not_notice(const Shape& shape, const std::string& text
                   1e-12);
 }
 
-/// Of samples of the loose parts and held ones that are nearer than \p near at rest: by
-/// how much that distance changes, at the most.
+/// The largest change of the distance between samples of loose parts and held ones that
+/// are nearer than \p near at rest.
 double largest_change(const Session& session, const Shape& shape, std::size_t count,
                       double near)
 {
@@ -306,7 +306,7 @@ TEST(LooseParts, keep_out_of_what_does_not_pass_through_them)
     const Session beside = played(shape, text, s);
     const auto lowest = [&](const Session& session)
     {
-        // Of the roof over the lifted end, against the bar's top there.
+        // The gap between the roof over the lifted end and the bar's top there.
         double gap = 1e300;
         for (std::size_t i = 0; i < shape.samples.size(); ++i)
             if (shape.samples[i].z() == 0.7 && shape.samples[i].x() == 4.0)

@@ -281,8 +281,8 @@ Prism t_prism()
     return prism;
 }
 
-/// Where the prism's samples end, in their order, when it is turned or mirrored by \p G,
-/// its faces begin \p first corners later and its vertices are shuffled.
+/// The deformed samples, in their order, of the prism that is turned or mirrored by \p G,
+/// whose faces begin \p first corners later and whose vertices are shuffled.
 Result played(const Prism& prism, const Eigen::Matrix3d& G, std::size_t first,
               unsigned seed)
 {

@@ -22,7 +22,7 @@ RodKey key(double time, const std::array<double, 4>& rotate)
     return key;
 }
 
-/// Where two keys, at 0 and 1, have the x axis half way.
+/// The direction of the x axis half way between two keys, at 0 and 1.
 Vector3d half_way(const std::array<double, 4>& from, const std::array<double, 4>& to)
 {
     return motion_at({key(0, from), key(1, to)}, 0.5, Vector3d::Zero(), 1.0).R *
