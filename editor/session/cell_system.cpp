@@ -682,6 +682,13 @@ void CellSystem::place_fades()
     fades_ = std::move(fades);
 }
 
+const std::vector<TouchingSamples>& CellSystem::touching_samples()
+{
+    if (!touching_)
+        touching_ = loose_.touching();
+    return *touching_;
+}
+
 void CellSystem::check_memory(const char* what, double bytes,
                               const CellSystemSettings& settings) const
 {

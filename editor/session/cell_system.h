@@ -97,6 +97,9 @@ public:
     {
         return fades_[region] ? &*fades_[region] : nullptr;
     }
+    /// Samples of loose parts that touch other parts: found when they are first asked
+    /// for.
+    const std::vector<TouchingSamples>& touching_samples();
 
     /// Moves the cells of the regions, one motion a region, from rest. The others stay.
     /// Of a pin the motion tells where its place or the centroid of its samples goes.
@@ -292,6 +295,7 @@ private:
     std::vector<char> is_bent_;         ///< of the regions: a spline, by the last move
     std::optional<InitialGuess> guess_;
     std::vector<std::optional<RegionFade>> fades_;
+    std::optional<std::vector<TouchingSamples>> touching_;
     std::vector<std::string> warnings_;
     std::vector<double> on_rod_;    ///< parameter of a rod's cell; empty: no rods
     std::vector<Station> stations_; ///< of all rods

@@ -20,6 +20,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "octree/base/nearest_rotation.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -32,6 +33,35 @@ constexpr double kStill = 1e-15;
 
 /// Glue whose gaps are no larger is as well as it can be [diagonal].
 constexpr double kClosed = 1e-14;
+
+/// The place of held parts in the order of all.
+constexpr int kHeld = -1;
+
+/// The cell for which \p may_lead in the 27 voxels around a place, that of the voxel
+/// whose middle is nearest, the first where several are equally near; -1: there is none.
+template <class MayLead>
+int cell_beside(const Body& body, const Eigen::Vector3d& x, const MayLead& may_lead)
+{
+    const VoxelGrid& grid = body.rest->material.grid;
+    const Eigen::Vector3i at = grid.locate(x);
+    const VoxelRange around{at.array() - 1, at.array() + 1};
+    int found = -1;
+    double least = INFINITY;
+    for_each_voxel(around.cut({Eigen::Vector3i::Zero(), grid.counts().array() - 1}),
+                   [&](const Eigen::Vector3i& voxel)
+                   {
+                       const int cell = body.pieces.at(grid, voxel);
+                       if (cell < 0 || !may_lead(cell))
+                           return;
+                       const double away = (grid.centre(voxel) - x).squaredNorm();
+                       if (away < least)
+                       {
+                           least = away;
+                           found = cell;
+                       }
+                   });
+    return found;
+}
 
 /// The rigid motion that \p bridges ask of the cells at their far ends.
 Motion asked_for(std::span<const GlueFace> bridges, std::span<const Pose> poses,
@@ -204,6 +234,57 @@ SolveReport LooseParts::follow(std::vector<Pose>& poses, const SolveOptions& opt
         minimizer_->forget(poses, false);
     contacts_.clear();
     return report;
+}
+
+std::vector<TouchingSamples> LooseParts::touching() const
+{
+    std::vector<TouchingSamples> touching;
+    if (bridged_.empty())
+        return touching;
+    // Held parts come first, then the loose ones in their order.
+    std::vector<int> order(body_->cells.size(), kHeld);
+    for (std::size_t k = 0; k < bridged_.size(); ++k)
+        for (const int cell : cells_[k])
+            order[idx(cell)] = static_cast<int>(k);
+    const RestShape& rest = *body_->rest;
+    const auto leading_cell = [&](const Eigen::Vector3d& x, int own)
+    {
+        return cell_beside(*body_, x,
+                           [&](int cell) { return order[idx(cell)] < order[idx(own)]; });
+    };
+    std::vector<char> is_led(rest.samples.size(), false);
+    parallel_for(is_led.size(), 1024,
+                 [&](std::size_t i)
+                 {
+                     const int own = body_->cell_of_sample[i];
+                     is_led[i] = order[idx(own)] != kHeld &&
+                                 leading_cell(rest.samples[i], own) >= 0;
+                 });
+    std::vector<std::vector<RegionFade::Node>> nodes(bridged_.size());
+    for (std::size_t i = 0; i < is_led.size(); ++i)
+        if (is_led[i])
+        {
+            const int own = body_->cell_of_sample[i];
+            nodes[idx(order[idx(own)])].push_back({rest.samples[i], own});
+        }
+    std::vector<int> rank(bridged_.size(), 0);
+    for (std::size_t k = 0; k < nodes.size(); ++k)
+    {
+        if (nodes[k].empty())
+            continue;
+        TouchingSamples samples = {RegionFade(body_->cells, nodes[k], {})};
+        for (std::size_t i = 0; i < samples.fade.nodes().size(); ++i)
+        {
+            const int leading =
+                leading_cell(samples.fade.nodes()[i], samples.fade.node_cells()[i]);
+            samples.leading_cells.push_back(leading);
+            if (const int other = order[idx(leading)]; other != kHeld)
+                rank[k] = std::max(rank[k], rank[idx(other)]);
+        }
+        samples.rank = ++rank[k];
+        touching.push_back(std::move(samples));
+    }
+    return touching;
 }
 
 std::vector<FoundContact> LooseParts::contacts(std::span<const Pose> poses) const

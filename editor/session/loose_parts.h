@@ -13,9 +13,20 @@
 #include "editor/session/contact_finder.h"
 #include "octree/bridges.h"
 #include "solver/cells/cell_minimizer.h"
+#include "solver/field/region_fade.h"
 
 namespace cellwarp
 {
+
+/// Samples of a loose part that are no more than a voxel off a part before it in their
+/// order. They go where the field of that part takes them, so that parts that touch still
+/// do so.
+struct TouchingSamples
+{
+    RegionFade fade;                     ///< around the samples
+    std::vector<int> leading_cells = {}; ///< for each node a cell of the other part
+    int rank = 1;                        ///< see MovedRegion
+};
 
 class LooseParts
 {
@@ -39,6 +50,8 @@ public:
     SolveReport follow(std::vector<Pose>& poses, const SolveOptions& options);
     /// Contacts of loose parts with each other and with what is held.
     std::vector<FoundContact> contacts(std::span<const Pose> poses) const;
+    /// For each loose part that touches a part before it, in their order.
+    std::vector<TouchingSamples> touching() const;
 
 private:
     void carry(std::vector<Pose>& poses) const;

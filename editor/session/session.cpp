@@ -664,6 +664,14 @@ std::vector<MovedRegion> Session::moved_regions() const
                 for (const Eigen::Vector3d& x : fade->nodes())
                     region.node_motions.push_back(s.system.motion_at(r, x));
         }
+    for (const TouchingSamples& samples : s.system.touching_samples())
+    {
+        MovedRegion& region = moved.emplace_back();
+        region.fade = &samples.fade;
+        region.bends = true;
+        region.leading_cells = samples.leading_cells;
+        region.rank = samples.rank;
+    }
     return moved;
 }
 

@@ -491,22 +491,85 @@ Field FieldFitter::fit(std::span<const Pose> poses, std::vector<MovedRegion> reg
     }
     if (regions.empty())
         return Field(cells_, std::move(parts));
+    const auto first_loose = std::find_if(regions.begin(), regions.end(),
+                                          [](const MovedRegion& region)
+                                          { return !region.leading_cells.empty(); });
+    const std::span<MovedRegion> held(regions.begin(), first_loose);
     const Field without(cells_, parts);
     // Cells that are held at a point follow nobody.
     std::vector<std::vector<bool>> follows;
-    for (const MovedRegion& region : regions)
+    for (const MovedRegion& region : held)
         follows.push_back(region.bends || region.may_turn
                               ? std::vector<bool>(cells_.size(), false)
                               : followers_of(region.motion, parts));
-    find_misses(without, follows, regions);
+    find_misses(without, follows, held);
     std::vector<int> regions_near(cells_.size(), 0); // of each cell
-    for (const MovedRegion& region : regions)
+    for (const MovedRegion& region : held)
         for (const int cell : region.fade->near_cells())
             ++regions_near[idx(cell)];
-    for (std::size_t r = 0; r < regions.size(); ++r)
-        find_deep_cells(follows[r], regions_near, regions[r]);
+    for (std::size_t r = 0; r < held.size(); ++r)
+        find_deep_cells(follows[r], regions_near, held[r]);
     parts.regions = std::move(regions);
-    return Field(cells_, std::move(parts));
+    Field field(cells_, std::move(parts));
+    field.lead_loose_parts();
+    return field;
+}
+
+namespace
+{
+
+/// The share of the miss of a loose part's node that is corrected. \p miss: its length
+/// [edge of the cell]. Over the width of a fade a whole edge would fold the material.
+double share_of_miss(double miss)
+{
+    constexpr double kMostCorrected = 0.5, kLeastLeft = 1.0;
+    const double t =
+        std::clamp((kLeastLeft - miss) / (kLeastLeft - kMostCorrected), 0.0, 1.0);
+    return t * t * (3.0 - 2.0 * t);
+}
+
+} // namespace
+
+/// Each node of a loose part goes where the field of the part that leads it takes it, as
+/// far as that can be: parts that are moved apart are not drawn out to each other.
+void Field::lead_loose_parts()
+{
+    int most = 0;
+    for (MovedRegion& region : parts_.regions)
+        if (!region.leading_cells.empty())
+        {
+            region.misses.assign(region.fade->nodes().size(), FieldValue{});
+            most = std::max(most, region.rank);
+        }
+    for (int rank = 1; rank <= most; ++rank)
+    {
+        std::vector<Eigen::Vector3d> places;
+        std::vector<int> leading, own;
+        for (const MovedRegion& region : parts_.regions)
+            if (region.rank == rank)
+            {
+                const RegionFade& fade = *region.fade;
+                places.insert(places.end(), fade.nodes().begin(), fade.nodes().end());
+                leading.insert(leading.end(), region.leading_cells.begin(),
+                               region.leading_cells.end());
+                own.insert(own.end(), fade.node_cells().begin(), fade.node_cells().end());
+            }
+        const std::vector<FieldValue> wanted = values(places, leading),
+                                      found = values(places, own);
+        std::size_t k = 0;
+        for (MovedRegion& region : parts_.regions)
+            if (region.rank == rank)
+                for (FieldValue& miss : region.misses)
+                {
+                    const Eigen::Vector3d whole =
+                        wanted[k].displacement - found[k].displacement;
+                    const double share =
+                        share_of_miss(whole.norm() / cells_.cells[idx(own[k])].edge);
+                    miss.displacement = share * whole;
+                    miss.gradient = share * (wanted[k].gradient - found[k].gradient);
+                    ++k;
+                }
+    }
 }
 
 void FieldFitter::find_misses(const Field& field,

@@ -114,7 +114,9 @@ public:
     void keep_surroundings(std::size_t max_bytes);
 
 private:
+    friend class FieldFitter;
     class Evaluation;
+    void lead_loose_parts();
     /// take(i, value) for each point, or take(i, values, place), from any thread.
     template <class Take>
     void evaluate(std::span<const Eigen::Vector3d> points, std::span<const int> own,
@@ -139,7 +141,7 @@ public:
     FieldFitter(const FieldChoice& choice, const Cells& cells,
                 std::span<const Constraint> constraints, RbfSystems* systems);
 
-    /// \p regions: their misses are found here.
+    /// \p regions: their misses are found here. Loose parts are the last ones.
     Field fit(std::span<const Pose> poses, std::vector<MovedRegion> regions);
 
     /// Of FieldKind::Rbf, how many clusters the last fit solved for, and factored.

@@ -669,8 +669,11 @@ void MovedRegions::correct(const Eigen::Vector3d& x,
         const MovedRegion& region = regions_[idx(reach.node_of)];
         if (region.bends)
         {
-            value.displacement += region.fade->average_displacement(
-                x, reach.nearest[reach.nearest_of_node], region.misses);
+            // The average of a node is its own miss.
+            const FieldValue& miss =
+                region.misses[reach.nearest[reach.nearest_of_node].nodes[0].index];
+            value.displacement += miss.displacement;
+            value.gradient += miss.gradient;
             return;
         }
         const Eigen::Matrix3d turning = value.gradient;

@@ -189,16 +189,23 @@ private:
 /// What a motion does to a point, as the value of a field.
 FieldValue moved_by(const Motion& motion, const Eigen::Vector3d& x);
 
-/// A region in one frame: its motion, and by how much the field misses it.
+/// A region in one frame: its motion, and by how much the field misses it. The samples of
+/// a loose part beside other parts are one, too: the fields of those parts move them.
 struct MovedRegion
 {
     const RegionFade* fade = nullptr;
     Motion motion;
     bool may_turn = false; ///< a pin: the motion tells where nodes go, not how they turn
-    /// A rod: each node has a motion of its own, which tells where it goes.
+    /// A rod or samples of a loose part: each node has a motion of its own.
     bool bends = false;
-    std::vector<Motion> node_motions = {}; ///< of what bends, for FieldFitter
-    std::vector<FieldValue> misses = {};   ///< one a node: motion minus field
+    std::vector<Motion> node_motions = {}; ///< of a rod, for FieldFitter
+    /// For FieldFitter: a node of a loose part moves as the field does in the material of
+    /// this cell. Empty: no loose part.
+    std::vector<int> leading_cells = {};
+    /// Of a loose part: above the ranks of the loose parts that lead it, which are
+    /// corrected first.
+    int rank = 0;
+    std::vector<FieldValue> misses = {}; ///< one a node: motion minus field
     /// Cells, ascending, in which the field is the motion, up to rounding, and no
     /// correction counts.
     std::vector<int> deep_cells = {};

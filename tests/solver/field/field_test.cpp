@@ -866,6 +866,101 @@ TEST(RegionFade, gradient_matches_finite_differences)
     }
 }
 
+TEST(Field, samples_of_a_loose_part_go_where_the_part_that_leads_them_takes_them)
+{
+    // Three slabs on one another, each bent differently. The lowest one leads the middle
+    // one, and this the highest.
+    Shape shape;
+    constexpr double kGap = 0.04;
+    for (int k = 0; k < 3; ++k)
+        shape = support::joined(
+            shape, support::box_shape({0, k * 0.52, 0}, {4, (k + 1) * 0.52 - kGap, 1}));
+    const Built slabs = support::built(shape, 32, 0, Fill::Solid, 0.01);
+    const auto slab_of = [](const Eigen::Vector3d& x)
+    { return static_cast<int>((x.y() + 0.5 * kGap) / 0.52); };
+    std::vector<Pose> poses;
+    const auto bend = [&](double shift)
+    {
+        poses.clear();
+        for (const Cell& cell : slabs.cells.cells)
+            poses.push_back(carried(
+                {rotation_about(Eigen::Vector3d::UnitZ(),
+                                0.003 * (1 + slab_of(cell.centre)) * cell.centre.x()),
+                 {shift * slab_of(cell.centre), 0, 0}},
+                cell.centre));
+    };
+    bend(0.01);
+    // The middle slab's samples below its own middle, and the same of the highest one.
+    std::vector<RegionFade::Node> nodes[2];
+    std::vector<int> leading[2];
+    for (int k = 0; k < 2; ++k)
+        for (double x = 0.45; x < 3.6; x += 0.1)
+            for (double z = 0.05; z < 1.0; z += 0.1)
+            {
+                const Eigen::Vector3d at(x, (k + 1) * 0.52 + 0.001, z);
+                nodes[k].push_back({at, own_cell(slabs, at)});
+                leading[k].push_back(
+                    own_cell(slabs, {x, (k + 1) * 0.52 - kGap - 0.001, z}));
+                ASSERT_GE(nodes[k].back().cell, 0);
+                ASSERT_GE(leading[k].back(), 0);
+            }
+    const RegionFade fades[2] = {RegionFade(slabs.cells, nodes[0], {}),
+                                 RegionFade(slabs.cells, nodes[1], {})};
+    const std::vector<Constraint> constraints(slabs.cells.size());
+    std::vector<MovedRegion> parts;
+    for (const int k : {1, 0}) // their order does not count
+    {
+        MovedRegion& part = parts.emplace_back();
+        part.fade = &fades[k];
+        part.bends = true;
+        part.leading_cells = leading[k];
+        part.rank = k + 1;
+    }
+    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Rbf})
+    {
+        const Field field = fit_field(kind, slabs.cells, poses, constraints, parts);
+        const Field alone = fit_field(kind, slabs.cells, poses, constraints, {});
+        double missed = 0.0;
+        for (int k = 0; k < 2; ++k)
+            for (std::size_t i = 0; i < nodes[k].size(); ++i)
+            {
+                const auto& [x, cell] = nodes[k][i];
+                const FieldValue value = field.value(x, cell),
+                                 led = field.value(x, leading[k][i]);
+                EXPECT_LT((value.displacement - led.displacement).norm(), 1e-14);
+                EXPECT_LT((value.gradient - led.gradient).norm(), 1e-12);
+                missed = std::max(
+                    missed,
+                    (alone.value(x, cell).displacement - value.displacement).norm());
+            }
+        EXPECT_GT(missed, 0.03);
+        std::mt19937 rng(10);
+        for (int trial = 0; trial < 50; ++trial)
+        {
+            const Eigen::Vector3d x(random_number(rng, 0.5, 3.5),
+                                    random_number(rng, 0.53, 0.95),
+                                    random_number(rng, 0.05, 0.95));
+            const int own = own_cell(slabs, x);
+            const Eigen::Matrix3d gradient = field.value(x, own).gradient;
+            for (int k = 0; k < 3; ++k)
+            {
+                const Eigen::Vector3d h = 1e-6 * Eigen::Vector3d::Unit(k);
+                const Eigen::Vector3d slope = (field.value(x + h, own).displacement -
+                                               field.value(x - h, own).displacement) /
+                                              2e-6;
+                EXPECT_LT((gradient.col(k) - slope).norm(), 1e-5);
+            }
+        }
+    }
+    // Parts that move apart by more than a cell are not drawn out to each other.
+    bend(1.0);
+    const Field field = fit_field(FieldKind::Rbf, slabs.cells, poses, constraints, parts);
+    const Field alone = fit_field(FieldKind::Rbf, slabs.cells, poses, constraints, {});
+    for (const RegionFade::Node& node : nodes[1])
+        EXPECT_EQ(field.value(node.place, node.cell).displacement,
+                  alone.value(node.place, node.cell).displacement);
+}
+
 TEST(Field, where_nothing_is_held_nothing_moves)
 {
     const Built bar = support::bar(3, 3, 6);
