@@ -24,6 +24,8 @@ namespace cellwarp
 namespace
 {
 
+/// How every manifest begins.
+constexpr std::string_view kMark = "#cellwarp-manifest 1";
 constexpr std::string_view kHead =
     "#cellwarp-manifest 1\tstatus\tsamples\tseconds\toutput_bytes\tinput_bytes\t"
     "input_time\tfield\tmessage\n";
@@ -89,6 +91,23 @@ Error manifest_error(const std::string& path)
                  at({path, 0, ""}, std::string("cannot write: ") + std::strerror(errno)));
 }
 
+/// Of a file that is not this program's to write.
+Error refused(const std::string& path, const std::string& what)
+{
+    return Error(Fault::File, at({path, 0, ""}, what + ": it is no manifest of cellwarp, "
+                                                       "will not write into it"));
+}
+
+std::string whole_text(const std::string& path, int file, std::int64_t size)
+{
+    std::string text(static_cast<std::size_t>(size), '\0');
+    const std::int64_t got = read_at(file, 0, text.data(), text.size());
+    if (got < 0)
+        throw manifest_error(path);
+    text.resize(static_cast<std::size_t>(got));
+    return text;
+}
+
 } // namespace
 
 InputMark mark_of(const std::string& input, const std::string& field_checksum)
@@ -106,12 +125,27 @@ InputMark mark_of(const std::string& input, const std::string& field_checksum)
 
 Manifest::Manifest(const std::string& path) : path_(path)
 {
-    std::string old;
+    // No link is followed, and nothing is written before the file is known for ours: in a
+    // folder of many people the name may lead to a file of somebody else.
+    file_ = Descriptor(
+        ::open(path.c_str(),
+               O_RDWR | O_CREAT | O_APPEND | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666));
+    if (!file_)
+    {
+        if (errno == ELOOP)
+            throw refused(path, "is a symbolic link");
+        throw manifest_error(path);
+    }
     struct stat status
     {
     };
-    if (::stat(path.c_str(), &status) == 0)
-        old = read_file(path);
+    if (::fstat(file_.get(), &status) != 0)
+        throw manifest_error(path);
+    if (!S_ISREG(status.st_mode))
+        throw refused(path, "is no regular file");
+    const std::string old = whole_text(path, file_.get(), status.st_size);
+    if (!std::string_view(old).starts_with(kMark) && !kHead.starts_with(old))
+        throw refused(path, "does not begin with " + std::string(kMark));
     const std::size_t whole = old.rfind('\n') + 1;
     for (std::size_t first = 0; first < whole;)
     {
@@ -121,10 +155,6 @@ Manifest::Manifest(const std::string& path) : path_(path)
             lines_[line->input] = *line;
         first = end + 1;
     }
-    file_ =
-        Descriptor(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
-    if (!file_)
-        throw manifest_error(path);
     if (whole < old.size() && ::ftruncate(file_.get(), static_cast<off_t>(whole)) != 0)
         throw manifest_error(path);
     if (whole == 0 && ::write(file_.get(), kHead.data(), kHead.size()) !=

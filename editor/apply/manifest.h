@@ -38,7 +38,8 @@ struct ManifestLine
 class Manifest
 {
 public:
-    /// Reads what is there, and takes a torn last line away. Throws Fault::File.
+    /// Reads what is there, and takes a torn last line away. Throws Fault::File, also for
+    /// a link, and for what is no manifest: nothing of it is touched.
     explicit Manifest(const std::string& path);
 
     /// The last line of an input when the manifest was opened; null: none.

@@ -3,15 +3,20 @@
 
 #include <filesystem>
 
+#include <sys/stat.h>
+
 #include <gtest/gtest.h>
 
 #include "tests/support/failing_calls.h"
 #include "tests/support/shapes.h"
+#include "tests/support/throws.h"
 
 namespace cellwarp
 {
 
 using support::bytes_of;
+using support::contains;
+using support::error_of;
 using support::Folder;
 using support::with_each_call_failing;
 
@@ -47,6 +52,48 @@ TEST(Manifest, on_a_disk_that_fails_keeps_the_lines_that_it_has)
         with_each_call_failing([&] { std::filesystem::remove(path); },
                                [&] { Manifest manifest(path); }, [](bool) {});
     EXPECT_GE(without, 3);
+}
+
+TEST(Manifest, writes_into_nothing_that_is_no_manifest)
+{
+    const Folder folder;
+    const std::string path = folder / "cellwarp-manifest.tsv";
+    const std::string precious = "precious line 1\nprecious unfinished line";
+    const auto refused = [&](const std::string& why)
+    {
+        const std::string said = error_of(Fault::File, [&] { Manifest manifest(path); });
+        EXPECT_TRUE(contains(said, why)) << said;
+    };
+    for (const std::string& text :
+         {precious, std::string("#"), std::string("# my notes"),
+          std::string("#cellwarp-manifesto\n"), std::string("#cellwarp-manifest"),
+          std::string("\n"), std::string(1, '\0')})
+    {
+        folder.write("cellwarp-manifest.tsv", text);
+        // What a kill has left of the first line is a manifest.
+        if (text == "#" || text == "#cellwarp-manifest")
+            EXPECT_NO_THROW(Manifest{path});
+        else
+        {
+            refused("does not begin with #cellwarp-manifest 1");
+            EXPECT_EQ(bytes_of(path), text);
+        }
+    }
+    std::filesystem::remove(path);
+    const std::string victim = folder.write("victim.txt", precious);
+    std::filesystem::create_symlink("victim.txt", path);
+    refused("is a symbolic link");
+    EXPECT_EQ(bytes_of(victim), precious);
+    std::filesystem::remove(path);
+    std::filesystem::create_symlink("nowhere.txt", path);
+    refused("is a symbolic link");
+    EXPECT_FALSE(std::filesystem::exists(folder / "nowhere.txt"));
+    std::filesystem::remove(path);
+    ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+    refused("is no regular file");
+    std::filesystem::remove(path);
+    std::filesystem::create_directory(path);
+    refused("Is a directory");
 }
 
 } // namespace cellwarp
