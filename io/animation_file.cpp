@@ -79,15 +79,15 @@ class AnimationFile::Writer
 public:
     virtual ~Writer() = default;
     virtual void add(const std::vector<Vector3d>& samples) = 0;
-    virtual void commit() = 0;
+    virtual void finish() = 0;
 };
 
 class AnimationFile::PointCache final : public Writer
 {
 public:
-    PointCache(const std::string& path, Overwrite overwrite, std::size_t points,
+    PointCache(const std::string& path, OutputSet& outputs, std::size_t points,
                const std::vector<double>& times, bool is_mdd)
-        : path_(path), file_(path, overwrite), bytes_(is_mdd)
+        : path_(path), file_(outputs.add(path)), bytes_(is_mdd)
     {
         const std::uint32_t num_points = count_of(points, path, "points"),
                             num_frames = count_of(times.size(), path, "frames");
@@ -118,30 +118,25 @@ public:
                 file_.write(bytes_.take());
         }
     }
-    void commit() override
-    {
-        file_.write(bytes_.take());
-        file_.commit();
-    }
+    void finish() override { file_.write(bytes_.take()); }
 
 private:
     static constexpr std::size_t kAtOnce = std::size_t(1) << 18;
 
     std::string path_;
-    OutputFile file_;
+    OutputFile& file_;
     Bytes bytes_;
 };
 
 class AnimationFile::Glb final : public Writer
 {
 public:
-    Glb(const std::string& path, Overwrite overwrite, const Geometry& geometry,
+    Glb(const std::string& path, OutputSet& outputs, const Geometry& geometry,
         std::vector<double> times, NormalsOf normals)
-        : path_(path), overwrite_(overwrite), geometry_(geometry),
-          times_(std::move(times)), normals_of_(std::move(normals)),
-          targets_(folder_of(path == "-" ? "." : path))
+        : path_(path), outputs_(outputs), geometry_(geometry), times_(std::move(times)),
+          normals_of_(std::move(normals)), targets_(folder_of(path == "-" ? "." : path))
     {
-        check_output(path, overwrite);
+        check_output(path, outputs.overwrite());
         count_of(geometry.samples.size(), path, "points");
         Vector3d low = Vector3d::Zero(), high = low;
         if (!geometry.samples.empty())
@@ -185,7 +180,7 @@ public:
         targets_.append(text.data(), text.size());
     }
 
-    void commit() override
+    void finish() override
     {
         Bytes head(false);
         Bounds mesh, unused;
@@ -366,7 +361,7 @@ private:
     {
         while (text.size() % 4 != 0)
             text += ' ';
-        OutputFile file(path_, overwrite_);
+        OutputFile& file = outputs_.add(path_);
         Bytes start(false);
         start.add_text("glTF");
         start.add(std::uint32_t(2));
@@ -386,11 +381,10 @@ private:
             targets_.read(at, part.data(), part.size());
             file.write(part);
         }
-        file.commit();
     }
 
     std::string path_;
-    Overwrite overwrite_;
+    OutputSet& outputs_;
     const Geometry& geometry_;
     const std::vector<double> times_;
     const NormalsOf normals_of_;
@@ -412,16 +406,16 @@ bool is_animation_format(std::string_view extension, std::string_view format,
     return extension == "glb" && !(is_gltf && is_patched);
 }
 
-AnimationFile::AnimationFile(const std::string& path, Overwrite overwrite,
+AnimationFile::AnimationFile(const std::string& path, OutputSet& outputs,
                              const Geometry& geometry, std::vector<double> times,
                              NormalsOf normals)
 {
     const std::string extension = extension_of(path);
     if (extension == "glb")
-        writer_ = std::make_unique<Glb>(path, overwrite, geometry, std::move(times),
+        writer_ = std::make_unique<Glb>(path, outputs, geometry, std::move(times),
                                         std::move(normals));
     else
-        writer_ = std::make_unique<PointCache>(path, overwrite, geometry.samples.size(),
+        writer_ = std::make_unique<PointCache>(path, outputs, geometry.samples.size(),
                                                times, extension == "mdd");
 }
 
@@ -432,9 +426,9 @@ void AnimationFile::add(const std::vector<Vector3d>& samples)
     writer_->add(samples);
 }
 
-void AnimationFile::commit()
+void AnimationFile::finish()
 {
-    writer_->commit();
+    writer_->finish();
 }
 
 } // namespace cellwarp

@@ -14,8 +14,8 @@
 
 #include <Eigen/Core>
 
-#include "io/bytes.h"
 #include "io/geometry.h"
+#include "io/output_set.h"
 
 namespace cellwarp
 {
@@ -33,18 +33,20 @@ public:
     using NormalsOf = std::function<std::vector<Eigen::Vector3d>(
         std::span<const Eigen::Vector3d> samples)>;
 
-    /// \p times of the frames [s], ascending. \p normals: what a .glb is shown with;
-    /// none: its faces look flat. \p geometry must outlive it. Throws Fault::Usage for
+    /// Adds the file to \p outputs, which the caller commits after finish(). \p times of
+    /// the frames [s], ascending. \p normals: what a .glb is shown with; none: its faces
+    /// look flat. \p outputs and \p geometry must outlive it. Throws Fault::Usage for
     /// what the format cannot hold, Fault::File.
-    AnimationFile(const std::string& path, Overwrite overwrite, const Geometry& geometry,
+    AnimationFile(const std::string& path, OutputSet& outputs, const Geometry& geometry,
                   std::vector<double> times, NormalsOf normals = {});
     ~AnimationFile();
 
     /// The next frame: as many samples as the geometry has. Throws Fault::Malformed for
     /// what its 32-bit numbers cannot hold.
     void add(const std::vector<Eigen::Vector3d>& samples);
+    /// Writes what comes after the frames.
     /// \pre as many frames as times
-    void commit();
+    void finish();
 
 private:
     class Writer;

@@ -37,6 +37,8 @@ constexpr int kSlots = 64;
 char temporaries[kSlots][PATH_MAX];
 std::atomic<bool> claimed[kSlots], listed[kSlots];
 
+std::atomic<bool> writes_to_stdout;
+
 void free_slot(int slot)
 {
     listed[slot].store(false);
@@ -77,6 +79,55 @@ mode_t file_mask()
         return old;
     }();
     return mask;
+}
+
+/// A rename that replaces nothing. False and errno where it fails: EEXIST where the new
+/// name is taken.
+bool rename_to_free_name(const char* from, const char* to)
+{
+    const auto is_lacking = [] { return errno == EINVAL || errno == ENOSYS; };
+    if (::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE) == 0)
+        return true;
+    if (!is_lacking())
+        return false;
+    // This file system (or kernel) cannot: the file gets a second name, which fails where
+    // that is taken, and loses the first one.
+    if (::link(from, to) == 0)
+    {
+        ::unlink(from);
+        return true;
+    }
+    if (errno != EPERM && errno != EOPNOTSUPP && !is_lacking())
+        return false;
+    // Nor has it second names: between the look and the rename is a gap.
+    struct stat status
+    {
+    };
+    if (::lstat(to, &status) == 0)
+    {
+        errno = EEXIST;
+        return false;
+    }
+    return ::rename(from, to) == 0;
+}
+
+bool is_same_file(int file, const char* name)
+{
+    struct stat open_file
+    {
+    }, named{};
+    return ::fstat(file, &open_file) == 0 && ::stat(name, &named) == 0 &&
+           open_file.st_dev == named.st_dev && open_file.st_ino == named.st_ino;
+}
+
+/// Whether two files have changed their names; not where the second is no regular file.
+bool exchange(const char* from, const char* to)
+{
+    struct stat status
+    {
+    };
+    return ::lstat(to, &status) == 0 && S_ISREG(status.st_mode) &&
+           ::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_EXCHANGE) == 0;
 }
 
 /// How temporaries are called: one of these, then what makes the name the only one.
@@ -309,7 +360,7 @@ void check_output(const std::string& path, Overwrite overwrite)
 }
 
 AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
-    : path_(path), target_(resolve(path))
+    : path_(path), target_(resolve(path)), overwrite_(overwrite)
 {
     check_output(path, overwrite);
     buffer_.reserve(kBufferBytes);
@@ -337,7 +388,9 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     {
     };
     const bool existed = ::stat(target_.c_str(), &old) == 0;
-    if (::fchmod(file_.get(), existed ? old.st_mode & 07777 : 0666 & ~file_mask()) != 0)
+    // Who may read and write, and no more: setuid bits were given to another owner's
+    // file.
+    if (::fchmod(file_.get(), existed ? old.st_mode & 0777 : 0666 & ~file_mask()) != 0)
         fail("cannot set its mode");
 }
 
@@ -349,6 +402,7 @@ AtomicFile::~AtomicFile()
 void AtomicFile::discard() noexcept
 {
     file_.close();
+    lock_.close();
     if (!temporary_.empty())
         ::unlink(temporary_.c_str());
     if (slot_ >= 0)
@@ -392,26 +446,65 @@ void AtomicFile::put(std::string_view bytes)
         fail("cannot write");
 }
 
-void AtomicFile::sync()
+void AtomicFile::finish()
 {
+    if (lock_)
+        return;
     flush();
     if (::fsync(file_.get()) != 0)
         fail("cannot write");
+    // Closing tells of errors; the lock is held on until the name is in place.
+    lock_ = Descriptor(::fcntl(file_.get(), F_DUPFD_CLOEXEC, 3));
+    if (!lock_ || !file_.close())
+        fail("cannot write");
 }
 
-void AtomicFile::commit()
+void AtomicFile::put_in_place(Replaced replaced)
 {
-    sync();
-    // Closing tells of errors; the lock is held on until the name is in place.
-    const Descriptor locked(::fcntl(file_.get(), F_DUPFD_CLOEXEC, 3));
-    if (!locked || !file_.close())
-        fail("cannot write");
-    if (::rename(temporary_.c_str(), target_.c_str()) != 0)
+    const char* const from = temporary_.c_str();
+    const char* const to = target_.c_str();
+    if (overwrite_ == Overwrite::Yes && replaced == Replaced::Kept && exchange(from, to))
+    {
+        undo_ = Undo::Exchange; // the temporary name is the old file's now
+        return;
+    }
+    const bool is_kept_free = overwrite_ == Overwrite::No || replaced == Replaced::Kept;
+    if (is_kept_free && rename_to_free_name(from, to))
+        undo_ = Undo::Remove;
+    else if (overwrite_ == Overwrite::No && errno == EEXIST)
+    {
+        discard();
+        check_output(path_, overwrite_); // tells what stands there now
+        throw file_error(path_, "existed already when it was to be put in place");
+    }
+    else if (overwrite_ == Overwrite::No || ::rename(from, to) != 0)
         fail("cannot put it in place");
     temporary_.clear();
     if (slot_ >= 0)
         free_slot(std::exchange(slot_, -1));
+}
+
+void AtomicFile::take_back() noexcept
+{
+    if (undo_ == Undo::Exchange)
+        exchange(temporary_.c_str(), target_.c_str());
+    else if (undo_ == Undo::Remove && is_same_file(lock_.get(), target_.c_str()))
+        ::unlink(target_.c_str());
+    undo_ = Undo::Impossible;
+    discard();
+}
+
+void AtomicFile::settle() noexcept
+{
+    discard();
     sync_folder_of(target_);
+}
+
+void AtomicFile::commit()
+{
+    finish();
+    put_in_place(Replaced::Dropped);
+    settle();
 }
 
 RangeFile::RangeFile(const std::string& path, std::string name)
@@ -443,8 +536,17 @@ void OutputFile::write(std::string_view bytes)
 {
     if (file_)
         file_->write(bytes);
-    else if (!write_all(1, bytes))
-        throw file_error("stdout", "cannot write: " + reason());
+    else
+    {
+        writes_to_stdout.store(true);
+        if (!write_all(1, bytes))
+            throw file_error("stdout", "cannot write: " + reason());
+    }
+}
+
+bool has_written_to_stdout()
+{
+    return writes_to_stdout.load();
 }
 
 void OutputFile::commit()

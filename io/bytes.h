@@ -64,7 +64,8 @@ void check_output(const std::string& path, Overwrite overwrite);
 /// A file that appears whole or not at all: written beside its target under a
 /// temporary name, synced, then renamed. What is not committed is removed, also
 /// when a signal ends the program (see remove_unfinished_outputs). What a killed run left
-/// is removed by the next one that writes into the folder.
+/// is removed by the next one that writes into the folder. Without Overwrite::Yes a file
+/// that appears while this one is written stays: commit() throws.
 class AtomicFile
 {
 public:
@@ -77,37 +78,66 @@ public:
     void write(std::string_view bytes);
     /// The name until it is committed, for other processes that write into it.
     const std::string& temporary() const { return temporary_; }
-    /// What was written is on the disk, still under the temporary name. Throws
-    /// Fault::File.
-    void sync();
-    /// Sync, close, rename, sync the folder. Throws Fault::File.
+    /// Finishes it, puts it in place and settles it. Throws Fault::File.
     void commit();
 
+    // The steps of commit(), for files that must all be in place or none: OutputSet.
+    /// All is on the disk and closed, still under the temporary name; nothing can be
+    /// written after it. Throws Fault::File.
+    void finish();
+    /// Whether the file that is replaced is kept, so that take_back() can put it back.
+    enum class Replaced
+    {
+        Dropped,
+        Kept ///< as far as the file system can exchange two files
+    };
+    /// The finished file gets its name. Throws Fault::File.
+    void put_in_place(Replaced replaced);
+    /// Undoes put_in_place() with Replaced::Kept.
+    void take_back() noexcept;
+    /// Drops what was replaced; that the name stands there is on the disk too.
+    void settle() noexcept;
+
 private:
+    /// How take_back() gets the former state.
+    enum class Undo
+    {
+        Impossible,
+        Remove,
+        Exchange
+    };
     void flush();
     void put(std::string_view bytes);
     void discard() noexcept;
     [[noreturn]] void fail(const std::string& doing);
 
-    std::string path_;   ///< as the user named it, for messages
-    std::string target_; ///< where it ends, links resolved
-    std::string temporary_;
+    std::string path_;      ///< as the user named it, for messages
+    std::string target_;    ///< where it ends, links resolved
+    std::string temporary_; ///< empty: there is none
     std::string buffer_;
     Descriptor file_;
+    Descriptor lock_; ///< of the finished file: nobody sweeps it
+    Overwrite overwrite_;
+    Undo undo_ = Undo::Impossible;
     int slot_ = -1; ///< in the table that the signal handler reads
 };
 
-/// A file that appears whole or not at all, or stdout for "-".
+/// A file that appears whole or not at all, or stdout for "-", which takes at once what
+/// is written.
 class OutputFile
 {
 public:
     OutputFile(const std::string& path, Overwrite overwrite);
     void write(std::string_view bytes);
     void commit();
+    AtomicFile* file() { return file_ ? &*file_ : nullptr; } ///< null: stdout
 
 private:
     std::optional<AtomicFile> file_;
 };
+
+/// Whether an OutputFile has written to stdout.
+bool has_written_to_stdout();
 
 /// A file that is there, written at any place, also by other processes.
 class RangeFile

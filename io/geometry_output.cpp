@@ -137,36 +137,41 @@ void check_geometry_output(const std::string& output, const GeometryFile& model,
 }
 
 std::size_t write_geometry(const std::string& output, const GeometryFile& model,
-                           const DeformedSamples& patch, Overwrite overwrite)
+                           const DeformedSamples& patch, OutputSet& outputs)
 {
     if (is_written_plain(output, model.geometry.format))
     {
-        write_file(output, plain_mesh_bytes(model.geometry, patch, extension_of(output)),
-                   overwrite);
+        outputs.write(output,
+                      plain_mesh_bytes(model.geometry, patch, extension_of(output)));
         return 0;
     }
     if (model.gltf)
     {
         const PatchedGltf result = patched_gltf(model, patch, output);
         for (const Companion& companion : result.companions)
-            write_file(companion.path, companion.bytes, overwrite);
-        write_file(output, result.bytes, overwrite);
+            outputs.write(companion.path, companion.bytes);
+        outputs.write(output, result.bytes);
         return 0;
     }
-    OutputFile file(output, overwrite);
-    const bool is_stdout = output == "-";
-    std::string whole; // what went to stdout could not be taken back: all must fit first
-    const std::size_t num_split = write_patched(model, patch,
-                                                [&](std::string_view bytes)
-                                                {
-                                                    if (is_stdout)
-                                                        whole.append(bytes);
-                                                    else
-                                                        file.write(bytes);
-                                                });
-    if (is_stdout)
-        file.write(whole);
-    file.commit();
+    if (output == "-")
+    {
+        std::string whole;
+        const std::size_t num_split =
+            write_patched(model, patch, [&](std::string_view bytes) { whole += bytes; });
+        outputs.write(output, whole);
+        return num_split;
+    }
+    OutputFile& file = outputs.add(output);
+    return write_patched(model, patch,
+                         [&](std::string_view bytes) { file.write(bytes); });
+}
+
+std::size_t write_geometry(const std::string& output, const GeometryFile& model,
+                           const DeformedSamples& patch, Overwrite overwrite)
+{
+    OutputSet outputs(overwrite);
+    const std::size_t num_split = write_geometry(output, model, patch, outputs);
+    outputs.commit();
     return num_split;
 }
 

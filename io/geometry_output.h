@@ -9,6 +9,7 @@
 
 #include "io/bytes.h"
 #include "io/geometry.h"
+#include "io/output_set.h"
 
 namespace cellwarp
 {
@@ -42,8 +43,12 @@ std::string left_out_note(const std::string& output, const Geometry& geometry);
 void check_geometry_output(const std::string& output, const GeometryFile& model,
                            Overwrite overwrite);
 
-/// Writes \p model with \p patch in place: what stands beside it first, then the file.
-/// Gives the number of normals that were split, see patched().
+/// Adds \p model with \p patch in place to \p outputs, which the caller commits: what
+/// stands beside it first, then the file. Gives the number of normals that were split,
+/// see patched().
+std::size_t write_geometry(const std::string& output, const GeometryFile& model,
+                           const DeformedSamples& patch, OutputSet& outputs);
+/// The same, committed.
 std::size_t write_geometry(const std::string& output, const GeometryFile& model,
                            const DeformedSamples& patch, Overwrite overwrite);
 

@@ -66,8 +66,8 @@ class GltfStream
 {
 public:
     GltfStream(const std::string& input, const std::string& output,
-               const std::string& format, const StreamOptions& options,
-               const StreamWork& work);
+               const std::string& format, OutputSet& outputs,
+               const StreamOptions& options, const StreamWork& work);
     StreamReport run();
 
 private:
@@ -99,16 +99,16 @@ private:
     GltfPlan plan_;
     std::vector<std::size_t> own_buffers_; ///< that have bytes of their own
     SpillFile body_;                       ///< the buffers one after the other, moved
-    std::optional<OutputFile> output_;
+    OutputFile* output_ = nullptr;
     std::vector<std::string> companions_;
-    std::vector<std::unique_ptr<OutputFile>> beside_;
+    std::vector<OutputFile*> beside_;
     std::uint64_t num_samples_ = 0, num_bad_vectors_ = 0;
     StreamReport report_;
 };
 
 GltfStream::GltfStream(const std::string& input, const std::string& output,
-                       const std::string& format, const StreamOptions& options,
-                       const StreamWork& work)
+                       const std::string& format, OutputSet& outputs,
+                       const StreamOptions& options, const StreamWork& work)
     : output_path_(output), options_(options), work_(work),
       input_(input), file_{input, {}, {}}, body_(spill_folder(output))
 {
@@ -122,11 +122,12 @@ GltfStream::GltfStream(const std::string& input, const std::string& output,
     for (std::size_t b = 0; b < file_.gltf->buffers.size(); ++b)
         if (file_.gltf->buffers[b].kind != Kind::Again)
             own_buffers_.push_back(b);
-    check_geometry_output(output, file_, options.overwrite);
+    check_geometry_output(output, file_, outputs.overwrite());
     companions_ = companion_paths(*file_.gltf, output);
     for (const std::string& path : companions_)
-        beside_.push_back(std::make_unique<OutputFile>(path, options.overwrite));
-    output_.emplace(output, options.overwrite);
+        beside_.push_back(&outputs.add(path));
+    // The file comes last, so that what it names is there.
+    output_ = &outputs.add(output);
 }
 
 void GltfStream::read_beginning()
@@ -482,7 +483,7 @@ std::vector<std::string> GltfStream::uris() const
 void GltfStream::put(OutputFile& file, std::string_view bytes)
 {
     file.write(bytes);
-    if (&file == &*output_)
+    if (&file == output_)
         report_.bytes += bytes.size();
 }
 
@@ -555,10 +556,6 @@ StreamReport GltfStream::run()
         if (source.file)
             source.file->check_unchanged();
     warn_of_bad_vectors(file_.path, num_bad_vectors_, file_.geometry);
-    // The file comes last, so that what it names is there.
-    for (const std::unique_ptr<OutputFile>& file : beside_)
-        file->commit();
-    output_->commit();
     report_.samples = num_samples_;
     report_.warnings = std::move(file_.geometry.warnings);
     return std::move(report_);
@@ -567,12 +564,12 @@ StreamReport GltfStream::run()
 } // namespace
 
 StreamReport stream_gltf(const std::string& input, const std::string& output,
-                         const std::string& format, const StreamOptions& options,
-                         const StreamWork& work)
+                         const std::string& format, OutputSet& outputs,
+                         const StreamOptions& options, const StreamWork& work)
 {
     if (input == "-")
         throw Error(Fault::Usage, "a glTF is read in ranges (need a file, not stdin)");
-    return GltfStream(input, output, format, options, work).run();
+    return GltfStream(input, output, format, outputs, options, work).run();
 }
 
 } // namespace cellwarp

@@ -14,7 +14,7 @@ namespace cellwarp
 /// JSON (with the buffers inside it) that is too large to be in memory; Fault::Malformed
 /// for a file that cannot be written, also where nothing would move.
 StreamReport stream_gltf(const std::string& input, const std::string& output,
-                         const std::string& format, const StreamOptions& options,
-                         const StreamWork& work);
+                         const std::string& format, OutputSet& outputs,
+                         const StreamOptions& options, const StreamWork& work);
 
 } // namespace cellwarp

@@ -38,9 +38,10 @@ class PackedPcdStream
 {
 public:
     PackedPcdStream(const std::string& input, const std::string& output,
-                    const StreamOptions& options, const StreamWork& work)
+                    OutputSet& outputs, const StreamOptions& options,
+                    const StreamWork& work)
         : path_(input), options_(options), work_(work), input_(input),
-          output_(output, options.overwrite), body_(spill_folder(output)),
+          output_(outputs.add(output)), body_(spill_folder(output)),
           packed_(spill_folder(output)), scanner_(input, input_.size())
     {
     }
@@ -60,7 +61,7 @@ private:
     const StreamOptions& options_;
     const StreamWork& work_;
     InputFile input_;
-    OutputFile output_;
+    OutputFile& output_;
     SpillFile body_, packed_;
     PcdScanner scanner_;
     Geometry none_;  ///< how numbers are stored
@@ -265,7 +266,6 @@ StreamReport PackedPcdStream::run()
     else
         copy(0, input_.size());
     input_.check_unchanged();
-    output_.commit();
     report_.samples = total_.samples_before;
     report_.warnings = std::move(total_.warnings);
     return std::move(report_);
@@ -274,9 +274,10 @@ StreamReport PackedPcdStream::run()
 } // namespace
 
 StreamReport stream_packed_pcd(const std::string& input, const std::string& output,
-                               const StreamOptions& options, const StreamWork& work)
+                               OutputSet& outputs, const StreamOptions& options,
+                               const StreamWork& work)
 {
-    return PackedPcdStream(input, output, options, work).run();
+    return PackedPcdStream(input, output, outputs, options, work).run();
 }
 
 } // namespace cellwarp

@@ -12,6 +12,7 @@ namespace cellwarp
 
 /// As stream_geometry(), for a file that is_packed_pcd().
 StreamReport stream_packed_pcd(const std::string& input, const std::string& output,
-                               const StreamOptions& options, const StreamWork& work);
+                               OutputSet& outputs, const StreamOptions& options,
+                               const StreamWork& work);
 
 } // namespace cellwarp

@@ -50,7 +50,7 @@ struct Batch
 class Stream
 {
 public:
-    Stream(const std::string& input, const std::string& output,
+    Stream(const std::string& input, const std::string& output, OutputSet& outputs,
            const StreamOptions& options, const StreamWork& work);
     StreamReport run();
 
@@ -64,7 +64,7 @@ private:
     const StreamOptions& options_;
     const StreamWork& work_;
     InputFile input_;
-    OutputFile output_;
+    OutputFile& output_;
     std::optional<NormalPlan> plan_;
     std::optional<PartReader> reader_;
     Geometry total_;
@@ -84,10 +84,10 @@ std::string format_of(const std::string& input, const StreamOptions& options)
     return format;
 }
 
-Stream::Stream(const std::string& input, const std::string& output,
+Stream::Stream(const std::string& input, const std::string& output, OutputSet& outputs,
                const StreamOptions& options, const StreamWork& work)
     : path_(input == "-" ? "stdin" : input), format_(format_of(input, options)),
-      options_(options), work_(work), input_(input), output_(output, options.overwrite)
+      options_(options), work_(work), input_(input), output_(outputs.add(output))
 {
     if (format_ == "obj" && input != "-" && may_use_normals(input_))
     {
@@ -235,7 +235,6 @@ StreamReport Stream::run()
     if (plan_)
         plan_->write_lines(output_, report_.bytes);
     input_.check_unchanged();
-    output_.commit();
     report_.samples = total_.samples_before;
     report_.warnings = std::move(total_.warnings);
     return std::move(report_);
@@ -262,14 +261,15 @@ std::string spill_folder(const std::string& output)
 }
 
 StreamReport stream_geometry(const std::string& input, const std::string& output,
-                             const StreamOptions& options, const StreamWork& work)
+                             OutputSet& outputs, const StreamOptions& options,
+                             const StreamWork& work)
 {
     const std::string format = format_of(input, options);
     if (format == "gltf" || format == "glb")
-        return stream_gltf(input, output, format, options, work);
+        return stream_gltf(input, output, format, outputs, options, work);
     if (format == "pcd" && input != "-" && is_packed_pcd(InputFile(input)))
-        return stream_packed_pcd(input, output, options, work);
-    return Stream(input, output, options, work).run();
+        return stream_packed_pcd(input, output, outputs, options, work);
+    return Stream(input, output, outputs, options, work).run();
 }
 
 } // namespace cellwarp

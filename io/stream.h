@@ -14,6 +14,7 @@
 
 #include "io/bytes.h"
 #include "io/geometry.h"
+#include "io/output_set.h"
 
 namespace cellwarp
 {
@@ -50,7 +51,6 @@ struct StreamOptions
 {
     std::string format; ///< empty: as the input's extension says
     ReadOptions read;
-    Overwrite overwrite = Overwrite::No;
     std::size_t part_bytes = std::size_t(1) << 19; ///< changes no result
     std::size_t parts_at_once = 4;                 ///< likewise
     /// Records of which a file larger than memory sorts at once; likewise.
@@ -71,8 +71,11 @@ struct StreamReport
 /// Writes to \p output what patched() gives for \p input with every sample moved, byte
 /// by byte. "-" is stdin or stdout; stdin needs a format, and an OBJ whose faces use
 /// normals cannot come from there, because it is read twice. Throws as read_geometry(),
-/// patched() and AtomicFile do; \p output is untouched then, but for stdout.
+/// patched() and AtomicFile do. The output and what stands beside it are added to
+/// \p outputs, for the caller to commit unless the stream was stopped; what goes to
+/// stdout is there at once.
 StreamReport stream_geometry(const std::string& input, const std::string& output,
-                             const StreamOptions& options, const StreamWork& work);
+                             OutputSet& outputs, const StreamOptions& options,
+                             const StreamWork& work);
 
 } // namespace cellwarp

@@ -74,13 +74,12 @@ void set_sizes(const ApplySettings& settings, StreamOptions& options)
 }
 
 StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
-                         const ApplySettings& settings, Overwrite overwrite,
+                         const ApplySettings& settings, OutputSet& outputs,
                          std::stop_token stop, const std::function<void(double)>& watch)
 {
     StreamOptions options;
     options.format = settings.format;
     options.read = settings.read;
-    options.overwrite = overwrite;
     set_sizes(settings, options);
     StreamWork work;
     std::atomic<std::uint64_t> num_outside = 0;
@@ -104,7 +103,8 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
     { parallel_for(count, job); };
     work.progress = watch;
     work.stop = stop;
-    StreamReport report = stream_geometry(file.input, file.output, options, work);
+    StreamReport report =
+        stream_geometry(file.input, file.output, outputs, options, work);
     if (num_outside > 0)
         report.warnings.push_back(
             fmt::format("{}: {} of {} points lie outside the box of the model that the "
@@ -197,9 +197,12 @@ void Batch::apply(std::size_t i)
     report.status = FileStatus::Failed;
     try
     {
-        report.stream = stream_file(
-            deformation_, file, settings_, is_ours ? Overwrite::Yes : settings_.overwrite,
-            stop_.get_token(), [&](double done) { show(i, done); });
+        OutputSet outputs(is_ours ? Overwrite::Yes : settings_.overwrite);
+        report.stream =
+            stream_file(deformation_, file, settings_, outputs, stop_.get_token(),
+                        [&](double done) { show(i, done); });
+        if (!report.stream.is_stopped)
+            outputs.commit();
         report.status = report.stream.is_stopped ? FileStatus::Left : FileStatus::Done;
     }
     catch (const Error& error)
@@ -266,10 +269,10 @@ std::vector<FileReport> Batch::run()
 } // namespace
 
 StreamReport apply_to_file(const Deformation& deformation, const std::string& input,
-                           const std::string& output, const ApplySettings& settings)
+                           const std::string& output, OutputSet& outputs,
+                           const ApplySettings& settings)
 {
-    return stream_file(deformation, {input, output}, settings, settings.overwrite,
-                       settings.stop,
+    return stream_file(deformation, {input, output}, settings, outputs, settings.stop,
                        [&](double done)
                        {
                            if (settings.watch)

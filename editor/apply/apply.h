@@ -34,10 +34,12 @@ struct ApplySettings
     std::function<void(double done, const std::string& input)> watch = {};
 };
 
-/// Moves one file. Throws as stream_geometry() does, and Fault::Budget where even the
+/// Moves one file; the output is added to \p outputs, for the caller to commit unless the
+/// stream was stopped. Throws as stream_geometry() does, and Fault::Budget where even the
 /// fewest and smallest parts are over the budget.
 StreamReport apply_to_file(const Deformation& deformation, const std::string& input,
-                           const std::string& output, const ApplySettings& settings);
+                           const std::string& output, OutputSet& outputs,
+                           const ApplySettings& settings);
 
 /// A file of a batch.
 struct BatchFile

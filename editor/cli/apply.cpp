@@ -137,10 +137,10 @@ double per_second(std::uint64_t samples, double seconds)
     return seconds > 0 ? static_cast<double>(samples) / seconds : 0.0;
 }
 
-/// What one file and many have in common, after their own \p json.
-void print_report(Json json, std::uint64_t samples, double seconds,
-                  const Deformation& deformation,
-                  const std::vector<std::string>& warnings)
+/// What one file and many have in common, after their own \p json, as text.
+std::string report_text(Json json, std::uint64_t samples, double seconds,
+                        const Deformation& deformation,
+                        const std::vector<std::string>& warnings)
 {
     json["samples"] = samples;
     json["seconds"] = seconds;
@@ -148,7 +148,7 @@ void print_report(Json json, std::uint64_t samples, double seconds,
     json["chain_length"] = deformation.num_maps();
     json["peak_rss_mb"] = peak_memory_mb();
     json["warnings"] = warnings;
-    write_file("-", json.dump(2) + "\n", Overwrite::Yes);
+    return json.dump(2) + "\n";
 }
 
 std::vector<std::string> warnings_of(const StreamReport& report,
@@ -200,14 +200,20 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
     settings.watch = [&](double done, const std::string& name)
     { progress.show(done, name); };
     const Clock::time_point start = Clock::now();
-    const StreamReport report = apply_to_file(deformation, input, flags.output, settings);
+    OutputSet outputs(common.overwrite());
+    const StreamReport report =
+        apply_to_file(deformation, input, flags.output, outputs, settings);
+    outputs.finish();
     const double seconds = seconds_since(start);
     progress.end();
     const std::vector<std::string> warnings = warnings_of(report, flags.output);
     print_warnings(warnings, common);
     if (common.is_json)
-        print_report({{"field", flags.field}, {"input", input}, {"output", flags.output}},
-                     report.samples, seconds, deformation, warnings);
+        outputs.write(
+            "-", report_text(
+                     {{"field", flags.field}, {"input", input}, {"output", flags.output}},
+                     report.samples, seconds, deformation, warnings));
+    outputs.commit();
     return 0;
 }
 
@@ -281,8 +287,12 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
     if (exit_code == 0 && !common.is_quiet)
         say(fmt::format("{} files done, {} skipped\n", done, skipped));
     if (common.is_json && exit_code == 0)
-        print_report({{"field", flags.field}, {"output", flags.output}, {"files", each}},
-                     samples, seconds, deformation, warnings);
+        write_file(
+            "-",
+            report_text(
+                {{"field", flags.field}, {"output", flags.output}, {"files", each}},
+                samples, seconds, deformation, warnings),
+            Overwrite::Yes);
     return exit_code;
 }
 

@@ -341,11 +341,12 @@ Json session_json(const Session& session, const SessionRequest& request)
 }
 
 /// The edit itself, its results written: those of all frames to \p animation, unless
-/// it is null. Adds to \p ms and to \p warnings.
+/// it is null. What is not one file of many frames is in \p outputs, on the disk. Adds to
+/// \p ms and to \p warnings.
 Outcome run_session(const DeformFlags& flags, const CommonFlags& common,
                     const OutputName& name, SessionRequest& request,
                     const std::shared_ptr<const GeometryFile>& model,
-                    AnimationFile* animation, RunTimes& ms,
+                    AnimationFile* animation, OutputSet& outputs, RunTimes& ms,
                     std::vector<std::string>& warnings)
 {
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
@@ -361,13 +362,13 @@ Outcome run_session(const DeformFlags& flags, const CommonFlags& common,
         write();
         ms.write += ms_since(write_start);
     };
-    const auto write = [&](const std::string& path)
+    const auto write = [&](const std::string& path, OutputSet& to)
     {
         timed(
             [&]
             {
                 const std::size_t num_split =
-                    write_geometry(path, *model, session.deformed(), common.overwrite());
+                    write_geometry(path, *model, session.deformed(), to);
                 if (num_split > 0)
                     warnings.push_back(
                         fmt::format("{}: {} normals were split: their corners need "
@@ -381,18 +382,23 @@ Outcome run_session(const DeformFlags& flags, const CommonFlags& common,
         if (animation)
             animation->add(session.deformed().samples);
         else if (name.has_frame())
-            write(name.of(frames[i]));
+        {
+            OutputSet frame(common.overwrite());
+            write(name.of(frames[i]), frame);
+            timed([&] { frame.commit(); });
+        }
     }
     if (animation)
-        timed([&] { animation->commit(); });
+        timed([&] { animation->finish(); });
     else if (!name.has_frame())
-        write(flags.output);
-    if (!flags.field.empty())
-        timed(
-            [&] {
-                write_file(flags.field, field_bytes(session.field_file()),
-                           common.overwrite());
-            });
+        write(flags.output, outputs);
+    timed(
+        [&]
+        {
+            if (!flags.field.empty())
+                outputs.write(flags.field, field_bytes(session.field_file()));
+            outputs.finish();
+        });
     progress.end();
 
     Outcome outcome;
@@ -440,9 +446,10 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     const bool moves = is_animation_format(extension_of(name.of(0)),
                                            model->geometry.format, is_patched) &&
                        !name.has_frame() && !frames.empty();
+    OutputSet outputs(common.overwrite());
     std::optional<AnimationFile> animation;
     if (moves)
-        animation.emplace(flags.output, common.overwrite(), model->geometry,
+        animation.emplace(flags.output, outputs, model->geometry,
                           frame_times(*request.handles),
                           normals_to_write(flags.output, model->geometry));
     else
@@ -452,10 +459,11 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         if (std::string note = left_out_note(name.of(0), model->geometry); !note.empty())
             warnings.push_back(std::move(note));
     ms.load = ms_since(start);
-    Outcome outcome = run_session(flags, common, name, request, model,
-                                  animation ? &*animation : nullptr, ms, warnings);
+    Outcome outcome =
+        run_session(flags, common, name, request, model,
+                    animation ? &*animation : nullptr, outputs, ms, warnings);
 
-    // All is written, and nobody else holds the model any more: its text is let go.
+    // All is on the disk, and nobody else holds the model any more: its text is let go.
     assert(model.use_count() == 1);
     std::string().swap(model->bytes);
     const Clock::time_point volume_start = Clock::now();
@@ -485,9 +493,10 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         json["peak_rss_mb"] = peak_memory_mb();
         json["unused"] = outcome.unused;
         json["warnings"] = warnings;
-        write_file("-", json.dump(2) + "\n", Overwrite::Yes);
+        outputs.write("-", json.dump(2) + "\n");
     }
-    else if (!common.is_quiet)
+    outputs.commit();
+    if (!common.is_json && !common.is_quiet)
         say(closing_line(outcome, volume, 1e-3 * ms_since(start), warnings.size()));
     return outcome.is_converged ? 0 : 7;
 }

@@ -154,12 +154,14 @@ private:
     std::int64_t num_stopped_ = 0;
 };
 
-/// Writes what was asked for, frame by frame.
+/// Writes what was asked for, frame by frame. Files of single frames appear at once;
+/// commit() gives all others their names, together with what is written to stdout.
 class Outputs
 {
 public:
     Outputs(const SimulateFlags& flags, const CommonFlags& common, const InTime& in_time)
-        : flags_(flags), common_(common), name_(flags.output), rods_(flags.rods)
+        : flags_(flags), common_(common), name_(flags.output), rods_(flags.rods),
+          set_(common.overwrite())
     {
         if (!is_animation(flags, in_time))
             return;
@@ -167,7 +169,7 @@ public:
         for (std::int64_t frame = 0; frame <= in_time.last_frame(); ++frame)
             times.push_back(in_time.time_of(frame));
         const Geometry& geometry = in_time.model()->geometry;
-        animation_.emplace(flags.output, common.overwrite(), geometry, std::move(times),
+        animation_.emplace(flags.output, set_, geometry, std::move(times),
                            normals_to_write(flags.output, geometry));
         if (std::string note = left_out_note(flags.output, geometry); !note.empty())
             warnings_.push_back(std::move(note));
@@ -182,22 +184,32 @@ public:
     {
         const bool is_last = frame == in_time.last_frame();
         const bool has_model = in_time.model() != nullptr;
+        OutputSet frames(common_.overwrite());
+        const auto set_of = [&](const OutputName& name) -> OutputSet&
+        { return name.has_frame() ? frames : set_; };
         if (animation_)
         {
             animation_->add(in_time.deformed().samples);
             if (is_last)
-                animation_->commit();
+                animation_->finish();
         }
         else if (has_model && is_wanted(name_, flags_.output, is_last))
             write_geometry(name_.of(frame), *in_time.model(), in_time.deformed(),
-                           common_.overwrite());
+                           set_of(name_));
         const OutputName& of_rods = has_model ? rods_ : name_;
         if (is_wanted(of_rods, has_model ? flags_.rods : flags_.output, is_last))
-            write_file(of_rods.of(frame),
-                       *in_time.bytes_of_rods(of_rods.of(frame),
-                                              has_model ? in_time.unit() : 1.0,
-                                              flags_.drawing),
-                       common_.overwrite());
+            set_of(of_rods).write(of_rods.of(frame),
+                                  *in_time.bytes_of_rods(of_rods.of(frame),
+                                                         has_model ? in_time.unit() : 1.0,
+                                                         flags_.drawing));
+        frames.commit();
+        if (is_last)
+            set_.finish();
+    }
+    void commit(const std::string& for_stdout)
+    {
+        set_.write("-", for_stdout);
+        set_.commit();
     }
 
 private:
@@ -209,6 +221,7 @@ private:
     const SimulateFlags& flags_;
     const CommonFlags& common_;
     const OutputName name_, rods_;
+    OutputSet set_;
     std::optional<AnimationFile> animation_;
     std::vector<std::string> warnings_;
 };
@@ -264,6 +277,7 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     for (const std::vector<std::string>& more : {outputs.warnings(), record.warnings()})
         warnings.insert(warnings.end(), more.begin(), more.end());
     print_warnings(warnings, common);
+    std::string text;
     if (common.is_json)
     {
         Json json = Json::object();
@@ -276,8 +290,9 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         json["peak_rss_mb"] = peak_memory_mb();
         in_time->add_to(json);
         json["warnings"] = warnings;
-        write_file("-", json.dump(2) + "\n", Overwrite::Yes);
+        text = json.dump(2) + "\n";
     }
+    outputs.commit(text);
     return record.is_converged() ? 0 : kNotConverged;
 }
 

@@ -86,14 +86,16 @@ int run(const SkeletonFlags& flags, const CommonFlags& common)
     const std::vector<LimbJoint> found =
         limbs_of(flags.model, file.geometry, flags.options);
     const std::vector<SkeletonJoint> joints = statements_of(found);
-    write_file(flags.output, text_of(flags, joints), common.overwrite());
+    OutputSet outputs(common.overwrite());
+    outputs.write(flags.output, text_of(flags, joints));
     if (common.is_json)
     {
         Json json = {{"model", flags.model}, {"joints", joints_json(joints)}};
         for (std::size_t k = 0; k < found.size(); ++k)
             json["joints"][k]["radius"] = found[k].radius;
-        write_file("-", json.dump(2) + "\n", Overwrite::Yes);
+        outputs.write("-", json.dump(2) + "\n");
     }
+    outputs.commit();
     return 0;
 }
 

@@ -151,7 +151,7 @@ public:
     /// Throws what writing \p names into it would throw, before any work is done.
     ReportFolder(const std::string& path, const std::vector<std::string>& names,
                  Overwrite overwrite)
-        : path_(path), overwrite_(overwrite)
+        : path_(path), outputs_(overwrite)
     {
         if (path == "-")
             throw Error(Fault::Usage, "-o -: a sweep writes files, need a folder");
@@ -175,14 +175,20 @@ public:
             throw Error(Fault::File, path_ + ": cannot make it: " + problem.message());
     }
     std::string place_of(const std::string& name) const { return path_ + "/" + name; }
-    void write(const std::string& name, const std::string& bytes) const
+    void write(const std::string& name, const std::string& bytes)
     {
-        write_file(place_of(name), bytes, overwrite_);
+        outputs_.write(place_of(name), bytes);
+    }
+    /// All that was written, and \p for_stdout.
+    void commit(const std::string& for_stdout = "")
+    {
+        outputs_.write("-", for_stdout);
+        outputs_.commit();
     }
 
 private:
     std::string path_;
-    Overwrite overwrite_;
+    OutputSet outputs_;
 };
 
 /// The adaptive cells to show: the coarsest that are as good as uniform ones one level
@@ -282,8 +288,8 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                                     : !flags.session.model.empty())
         throw Error(Fault::Usage, "--stability runs scenes: name one, or none for all "
                                   "that ship");
-    const ReportFolder folder(flags.output, {"stability.json", "stability.html"},
-                              common.overwrite());
+    ReportFolder folder(flags.output, {"stability.json", "stability.html"},
+                        common.overwrite());
     std::vector<StabilityCase> cases;
     for (const std::string& scene : flags.session.model.empty()
                                         ? shipped_scenes()
@@ -304,7 +310,7 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
     if (cases.empty() && extremes.size() == 1)
         throw Error(Fault::Usage, "--only: no case has " + in_quotes(flags.only));
     folder.make();
-    const ReportFolder scenes(folder.place_of("scenes"), {}, Overwrite::Yes);
+    ReportFolder scenes(folder.place_of("scenes"), {}, Overwrite::Yes);
     scenes.make();
     for (const ExtremeScene& extreme : extremes)
     {
@@ -316,6 +322,7 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                          extreme.same_as, extreme.scale, extreme.offset,
                          extreme.is_left_alone});
     }
+    scenes.commit();
     Progress progress(common);
     const std::vector<StabilityRow> rows = run_stability(
         cases,
@@ -328,12 +335,10 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
     const std::string json = stability_json(rows).dump(2) + "\n";
     folder.write("stability.json", json);
     folder.write("stability.html", stability_page(rows));
-    write_file("-",
-               common.is_json
-                   ? json
-                   : fmt::format("{}\n{}\n", fmt::join(stability_sentences(rows), "\n"),
-                                 folder.place_of("stability.html")),
-               Overwrite::Yes);
+    folder.commit(common.is_json ? json
+                                 : fmt::format("{}\n{}\n",
+                                               fmt::join(stability_sentences(rows), "\n"),
+                                               folder.place_of("stability.html")));
     return std::any_of(rows.begin(), rows.end(),
                        [](const StabilityRow& row) { return !row.faults.empty(); })
                ? 7
@@ -352,8 +357,8 @@ int run(SweepFlags flags, const CommonFlags& common)
     if (!flags.session.settings.cells.max_depth)
         flags.session.settings.cells.max_depth = SweepSettings().max_depth;
     SessionRequest request = read_request(flags.session);
-    const ReportFolder folder(flags.output, {"report.json", "report.csv", "report.html"},
-                              common.overwrite());
+    ReportFolder folder(flags.output, {"report.json", "report.csv", "report.html"},
+                        common.overwrite());
     SweepReport report;
     report.scene = flags.session.model;
     report.model = request.model;
@@ -390,12 +395,10 @@ int run(SweepFlags flags, const CommonFlags& common)
     folder.write("report.json", json);
     folder.write("report.csv", csv);
     folder.write("report.html", page);
-    write_file("-",
-               common.is_json
-                   ? json
-                   : fmt::format("{}\n{}\n", fmt::join(sweep_sentences(report), "\n"),
-                                 folder.place_of("report.html")),
-               Overwrite::Yes);
+    folder.commit(common.is_json
+                      ? json
+                      : fmt::format("{}\n{}\n", fmt::join(sweep_sentences(report), "\n"),
+                                    folder.place_of("report.html")));
     return report.result.is_converged() ? 0 : 7;
 }
 

@@ -8,6 +8,7 @@
 #include "editor/session/spline_region.h"
 #include "io/checksum.h"
 #include "io/geometry_file.h"
+#include "io/output_set.h"
 #include "io/saved_pair.h"
 #include "io/text.h"
 
@@ -527,14 +528,10 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
     const std::string journal = journal_path(s.journal_folder, scene_path);
     if (!is_own && journal != s.journal)
         Journal::check_free(journal);
-    // Both are on the disk before either name changes.
-    AtomicFile handle_file(scene.handles, overwrite), scene_file(scene.path, overwrite);
-    handle_file.write(handle_bytes);
-    scene_file.write(scene_bytes);
-    handle_file.sync();
-    scene_file.sync();
-    handle_file.commit();
-    scene_file.commit();
+    OutputSet files(overwrite);
+    files.write(scene.handles, handle_bytes);
+    files.write(scene.path, scene_bytes);
+    files.commit();
     if (!is_own)
     {
         // Whoever opens the new scene finds the edits under its name.

@@ -36,7 +36,8 @@ protected:
         const GeometryFile file = scan_geometry(
             "a.obj", "v 1000 0 0\nv 1001 0 0\nv 1001 1 0\nv 1000 1 0\nf 1 2 3 4\n");
         const std::string path = folder_ + "/" + name;
-        AnimationFile out(path, Overwrite::No, file.geometry, {0.0, 0.5});
+        OutputSet outputs(Overwrite::No);
+        AnimationFile out(path, outputs, file.geometry, {0.0, 0.5});
         for (const double up : {1.0, 2.0})
         {
             std::vector<Vector3d> samples = file.geometry.samples;
@@ -45,7 +46,8 @@ protected:
             out.add(samples);
         }
         EXPECT_FALSE(std::filesystem::exists(path)); // before it is whole
-        out.commit();
+        out.finish();
+        outputs.commit();
         return read_file(path);
     }
 
@@ -137,11 +139,12 @@ TEST_F(AnimationFileTest, a_glb_is_shown_with_normals_where_there_are_some)
     const auto numbers_of =
         [&](const std::string& name, const std::vector<double>& times, bool is_target)
     {
-        AnimationFile out(folder_ + "/" + name, Overwrite::No, file.geometry, times,
-                          normals);
+        OutputSet outputs(Overwrite::No);
+        AnimationFile out(folder_ + "/" + name, outputs, file.geometry, times, normals);
         for (std::size_t k = 0; k < times.size(); ++k)
             out.add({{1, 0, 0}, {2, 0, 0}, {2, 2, 0}});
-        out.commit();
+        out.finish();
+        outputs.commit();
         const std::string bytes = read_file(folder_ + "/" + name);
         const std::size_t length = word_at(bytes, 12, false);
         const Json json = Json::parse(bytes.substr(20, length));
@@ -169,9 +172,11 @@ TEST_F(AnimationFileTest, a_glb_of_one_frame_is_the_mesh_as_that_has_it)
     const GeometryFile file =
         scan_geometry("a.obj", "v 0 0 0\nv 2 0 0\nv 2 2 0\nf 1 2 3\n");
     const std::string path = folder_ + "/still.glb";
-    AnimationFile out(path, Overwrite::No, file.geometry, {3.0});
+    OutputSet outputs(Overwrite::No);
+    AnimationFile out(path, outputs, file.geometry, {3.0});
     out.add({{0, 0, 5}, {2, 0, 5}, {2, 2, 7}});
-    out.commit();
+    out.finish();
+    outputs.commit();
     const std::string bytes = read_file(path);
     const Json json = Json::parse(bytes.substr(20, word_at(bytes, 12, false)));
     EXPECT_FALSE(json.contains("animations"));
@@ -187,7 +192,8 @@ TEST_F(AnimationFileTest, what_is_not_committed_leaves_nothing)
 {
     const GeometryFile file = scan_geometry("a.obj", "v 0 0 0\nv 1 0 0\n");
     {
-        AnimationFile out(folder_ + "/b.pc2", Overwrite::No, file.geometry, {0.0});
+        OutputSet outputs(Overwrite::No);
+        AnimationFile out(folder_ + "/b.pc2", outputs, file.geometry, {0.0});
         out.add(file.geometry.samples);
     }
     EXPECT_TRUE(std::filesystem::is_empty(folder_));
@@ -196,7 +202,8 @@ TEST_F(AnimationFileTest, what_is_not_committed_leaves_nothing)
 TEST_F(AnimationFileTest, what_does_not_fit_is_refused)
 {
     const GeometryFile file = scan_geometry("a.obj", "v 0 0 0\nv 1e60 0 0\n");
-    AnimationFile out(folder_ + "/b.pc2", Overwrite::No, file.geometry, {0.0});
+    OutputSet outputs(Overwrite::No);
+    AnimationFile out(folder_ + "/b.pc2", outputs, file.geometry, {0.0});
     EXPECT_TRUE(contains(
         error_of(Fault::Malformed, [&] { out.add(file.geometry.samples); }), "32 bits"));
 }

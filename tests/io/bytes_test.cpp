@@ -229,6 +229,19 @@ TEST(Bytes, keeps_the_mode_of_the_file_it_replaces)
     EXPECT_EQ(status.st_mode & 07777, 0640u);
 }
 
+TEST(Bytes, bits_that_let_a_program_run_as_its_owner_do_not_go_on_to_another_file)
+{
+    const support::Folder folder;
+    const std::string path = folder.write("x", "old");
+    ASSERT_EQ(::chmod(path.c_str(), 07755), 0);
+    write_file(path, "new", Overwrite::Yes);
+    struct stat status
+    {
+    };
+    ASSERT_EQ(::stat(path.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 07777, 0755u);
+}
+
 TEST(Bytes, outputs_that_cannot_be_written_fail_before_any_work)
 {
     const support::Folder folder;
@@ -263,8 +276,10 @@ TEST(Bytes, what_goes_wrong_while_writing_is_named_and_leaves_nothing)
     EXPECT_TRUE(std::filesystem::is_empty(deep));
 
     const std::string target = folder / "x";
-    AtomicFile replaced(target, Overwrite::No);
+    AtomicFile made(target, Overwrite::No), replaced(target, Overwrite::Yes);
     std::filesystem::create_directory(target);
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { made.commit(); }),
+                         "x: is a directory, need a file"));
     EXPECT_TRUE(contains(error_of(Fault::File, [&] { replaced.commit(); }),
                          "x: cannot put it in place: Is a directory"));
     std::filesystem::remove(target);

@@ -159,12 +159,13 @@ Streamed streamed(const Folder& folder, const std::string& name, const std::stri
     StreamOptions options;
     options.part_bytes = part_bytes;
     options.parts_at_once = 3;
-    options.overwrite = Overwrite::Yes;
     options.sort_records = sort_records;
     const std::string out = folder / ("out-" + name);
     Streamed result;
-    result.report =
-        stream_geometry(folder.write(name, bytes), out, options, work_with(move));
+    OutputSet outputs(Overwrite::Yes);
+    result.report = stream_geometry(folder.write(name, bytes), out, outputs, options,
+                                    work_with(move));
+    outputs.commit();
     result.bytes = bytes_of(out);
     return result;
 }
@@ -518,9 +519,12 @@ TEST(Stream, a_stop_leaves_no_output)
     };
     StreamOptions options;
     options.part_bytes = 500;
-    EXPECT_TRUE(
-        stream_geometry(folder.write("p.xyz", text), folder / "out.xyz", options, work)
-            .is_stopped);
+    {
+        OutputSet outputs(Overwrite::No);
+        EXPECT_TRUE(stream_geometry(folder.write("p.xyz", text), folder / "out.xyz",
+                                    outputs, options, work)
+                        .is_stopped);
+    }
     EXPECT_FALSE(std::filesystem::exists(folder / "out.xyz"));
 }
 
@@ -755,8 +759,10 @@ TEST(Stream, what_cannot_be_streamed_says_why)
     StreamOptions options;
     const auto refused = [&](const std::string& input, const std::string& output)
     {
-        return error_of(Fault::Usage, [&]
-                        { stream_geometry(input, output, options, work_with(bend)); });
+        OutputSet outputs(Overwrite::No);
+        return error_of(
+            Fault::Usage,
+            [&] { stream_geometry(input, output, outputs, options, work_with(bend)); });
     };
     options.format = "glb";
     EXPECT_TRUE(contains(refused("-", folder / "x.glb"), "need a file, not stdin"));
@@ -781,10 +787,13 @@ TEST(Stream, a_gltf_keeps_to_the_memory_that_it_is_given)
         folder.write("x.glb", glb_of(gltf_json("", "").dump(), gltf_body()));
     StreamOptions options;
     options.max_json_memory = 1000.0;
-    EXPECT_TRUE(contains(
-        error_of(Fault::Budget, [&]
-                 { stream_geometry(path, folder / "y.glb", options, work_with(bend)); }),
-        "its JSON is read whole and needs about"));
+    OutputSet outputs(Overwrite::No);
+    EXPECT_TRUE(contains(error_of(Fault::Budget,
+                                  [&] {
+                                      stream_geometry(path, folder / "y.glb", outputs,
+                                                      options, work_with(bend));
+                                  }),
+                         "its JSON is read whole and needs about"));
 }
 
 TEST(Stream, packed_data_that_cannot_be_unpacked_leave_no_output)

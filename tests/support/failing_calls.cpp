@@ -15,6 +15,7 @@ namespace
 {
 
 std::atomic<int> calls{0}, first{0}, last{0}; ///< first 0: none fails
+std::atomic<bool> has_rename_flags{true}, has_links{true};
 
 bool fails()
 {
@@ -60,6 +61,29 @@ CELLWARP_FAILING(int, mkostemp, (char* name, int flags), (name, flags))
 CELLWARP_FAILING(int, memfd_create, (const char* name, unsigned flags), (name, flags))
 CELLWARP_FAILING(int, pipe2, (int* ends, int flags), (ends, flags))
 #undef CELLWARP_FAILING
+
+extern "C" int __real_renameat2(int, const char*, int, const char*, unsigned);
+extern "C" int __wrap_renameat2(int from_folder, const char* from, int to_folder,
+                                const char* to, unsigned flags)
+{
+    if (!has_rename_flags)
+    {
+        errno = EINVAL;
+        return -1;
+    }
+    return fails() ? -1 : __real_renameat2(from_folder, from, to_folder, to, flags);
+}
+
+extern "C" int __real_link(const char*, const char*);
+extern "C" int __wrap_link(const char* from, const char* to)
+{
+    if (!has_links)
+    {
+        errno = EPERM;
+        return -1;
+    }
+    return fails() ? -1 : __real_link(from, to);
+}
 
 extern "C" int __real_open(const char*, int, ...);
 extern "C" int __wrap_open(const char* path, int flags, ...)
@@ -108,6 +132,17 @@ FailingCalls::FailingCalls(int number, How how)
 FailingCalls::~FailingCalls()
 {
     first = 0;
+}
+
+LackingCalls::LackingCalls(Lacks lacks)
+{
+    has_rename_flags = lacks == Lacks::Nothing;
+    has_links = lacks != Lacks::SecondNames;
+}
+
+LackingCalls::~LackingCalls()
+{
+    has_rename_flags = has_links = true;
 }
 
 bool FailingCalls::was_reached()

@@ -30,6 +30,22 @@ public:
     static bool was_reached();
 };
 
+/// A file system without what not all have, while it lives.
+class LackingCalls
+{
+public:
+    enum class Lacks
+    {
+        Nothing,
+        FlagsOfRename, ///< to replace nothing, or to exchange
+        SecondNames    ///< nor has a file several names
+    };
+    explicit LackingCalls(Lacks lacks);
+    ~LackingCalls();
+    LackingCalls(const LackingCalls&) = delete;
+    LackingCalls& operator=(const LackingCalls&) = delete;
+};
+
 /// Repeats prepare(), then work() with its first call failing, then the second, and so on
 /// until there are no more; once with this one alone, and once with all after it too. It
 /// must end well or with Fault::File; then check(whether it ended well). Gives how often
