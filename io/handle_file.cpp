@@ -526,11 +526,10 @@ public:
                 regions_.try_emplace(region.name, region.role, region.line);
             if (!is_new && known->second.first != region.role)
                 words.fail(region.name, "is already a " + role_name(known->second.first) +
-                                            " region (line " +
-                                            std::to_string(known->second.second) + ")");
+                                            " region" + line_note(known->second.second));
             if (!is_new && region.spline)
-                words.fail(region.name, "is already told of (line " +
-                                            std::to_string(known->second.second) + ")");
+                words.fail(region.name,
+                           "is already told of" + line_note(known->second.second));
             if (region.spline)
                 splines_[region.name] = region.spline;
             stage.regions.push_back(std::move(region));
@@ -607,7 +606,12 @@ private:
         if (!is_new)
             words.fail(name, "is already a " + role_name(known->second.first) +
                                  (known->second.first == Role::Bone ? "" : " region") +
-                                 " (line " + std::to_string(known->second.second) + ")");
+                                 line_note(known->second.second));
+    }
+    /// " (line 12)": where something else stands; empty for text of no file.
+    std::string line_note(std::int64_t line) const
+    {
+        return file_.path.empty() ? "" : " (line " + std::to_string(line) + ")";
     }
 
     void joint(Statement& words, std::int64_t line)
@@ -755,8 +759,7 @@ private:
             words.fail(on.guide, "is no curve or rod that was told of before");
         const auto [other, is_first] = guided_.try_emplace(on.pin, line);
         if (!is_first)
-            words.fail(on.pin, "is already on a curve (line " +
-                                   std::to_string(other->second) + ")");
+            words.fail(on.pin, "is already on a curve" + line_note(other->second));
         stage.ons.push_back(std::move(on));
     }
 
@@ -815,9 +818,8 @@ private:
                            " region, only a handle, a pin, a rod, a curve or "
                            "a joint can be moved");
         if (const auto guided = guided_.find(move.region); guided != guided_.end())
-            words.fail(move.region, "is on a curve (line " +
-                                        std::to_string(guided->second) +
-                                        "): that moves it");
+            words.fail(move.region,
+                       "is on a curve" + line_note(guided->second) + ": that moves it");
         check_place(move, words);
         check_moved_once(move, words);
         if (releases)
@@ -862,8 +864,7 @@ private:
         if (!is_first)
             words.fail(move.region,
                        std::string(move.released ? "is released" : "is moved") +
-                           " twice in this frame (line " + std::to_string(other->second) +
-                           ")");
+                           " twice in this frame" + line_note(other->second));
     }
 
     HandleFile file_;

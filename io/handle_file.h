@@ -217,7 +217,8 @@ struct HandleFile
 /// the file names. \p joints stand before its statements, parents first.
 HandleFile read_handles(const std::string& path, std::vector<SkeletonJoint> joints = {});
 
-/// The same for text in memory.
+/// The same for text in memory; without a path it is of no file, and its errors name no
+/// other lines than the one that is wrong.
 HandleFile parse_handles(const std::string& path, std::string_view text,
                          std::vector<SkeletonJoint> joints = {});
 

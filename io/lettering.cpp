@@ -105,7 +105,7 @@ Lettering::Lettering(double height) : height_(height)
     font->bytes = read_file(file);
     const auto* const data = reinterpret_cast<const unsigned char*>(font->bytes.data());
     if (!stbtt_InitFont(&font->info, data, stbtt_GetFontOffsetForIndex(data, 0)))
-        throw Error(Fault::File, file + ": is no font");
+        throw Error(Fault::File, at({file, 0, ""}, "is no font"));
     font->scale = stbtt_ScaleForPixelHeight(&font->info, static_cast<float>(height));
     int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
     stbtt_GetCodepointBox(&font->info, '0', &x0, &y0, &x1, &y1);

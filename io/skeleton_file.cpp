@@ -550,7 +550,8 @@ SkeletonValues parse_skeleton(const std::string& path, std::string bytes,
 {
     const std::string extension = extension_of(path);
     if (!is_skeleton_format(extension))
-        throw Error(Fault::Usage, path + ": need a skeleton: .tgf, .bvh, .gltf or .glb");
+        throw Error(Fault::Usage,
+                    at({path, 0, ""}, "need a skeleton: .tgf, .bvh, .gltf or .glb"));
     if (!placement.root.empty() && extension != "tgf")
         throw malformed({path, 0, "root"}, "is for a .tgf: this file tells its own");
     if (!placement.animation.empty() && (extension == "tgf" || extension == "bvh"))

@@ -49,8 +49,8 @@ Shard parse_shard(const std::string& text)
     const std::optional<std::int64_t> count =
         slash == std::string::npos ? std::nullopt : parse_integer(text.substr(slash + 1));
     if (!index || !count || *index < 1 || *index > *count)
-        throw Error(Fault::Usage, "--shard: got " + in_quotes(text) +
-                                      ", need I/N with 1 <= I <= N, like 3/8");
+        throw wrong_flag("--shard", "got " + in_quotes(text) +
+                                        ", need I/N with 1 <= I <= N, like 3/8");
     return {idx(*index), idx(*count)};
 }
 
@@ -89,14 +89,14 @@ std::vector<BatchFile> files_in(const std::string& folder,
             throw Error(Fault::Usage, "stdin has no name for a file in " + folder);
         // All shards look at all names, so that they agree.
         if (!names.insert(name).second)
-            throw Error(Fault::Usage, inputs[i] +
-                                          ": another input has this name, and "
-                                          "both would become " +
-                                          (fs::path(folder) / name).string());
+            throw Error(Fault::Usage,
+                        at({inputs[i], 0, ""}, "another input has this name, and "
+                                               "both would become " +
+                                                   (fs::path(folder) / name).string()));
         std::error_code none;
         if (fs::equivalent(inputs[i], fs::path(folder) / name, none))
             throw Error(Fault::Usage,
-                        inputs[i] + ": its output would be the file itself");
+                        at({inputs[i], 0, ""}, "its output would be the file itself"));
         if (i % shard.count == shard.index - 1)
             files.push_back({inputs[i], (fs::path(folder) / name).string()});
     }
@@ -174,8 +174,8 @@ ApplySettings settings_of(const ApplyFlags& flags, const CommonFlags& common)
     settings.resumes = flags.resumes;
     settings.fails_fast = flags.fails_fast;
     if (!settings.format.empty() && !is_geometry_format(settings.format))
-        throw Error(Fault::Usage, "--format: got " + in_quotes(flags.format) +
-                                      ", need an extension like ply");
+        throw wrong_flag("--format", "got " + in_quotes(flags.format) +
+                                         ", need an extension like ply");
     return settings;
 }
 
@@ -250,7 +250,8 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
     std::error_code failed;
     fs::create_directories(flags.output, failed);
     if (failed)
-        throw Error(Fault::File, flags.output + ": cannot make it: " + failed.message());
+        throw Error(Fault::File,
+                    at({flags.output, 0, ""}, "cannot make it: " + failed.message()));
     const std::string name =
         flags.shard.empty()
             ? "cellwarp-manifest.tsv"

@@ -27,9 +27,9 @@ int check_rods(const SessionFlags& flags, const RodFacts& rods, const CommonFlag
 {
     if (!flags.handles.empty() || !flags.sel.empty() || !flags.def.empty() ||
         flags.script.is_given())
-        throw Error(Fault::Usage, flags.model +
-                                      ": is a scene of rods in time: handles and "
-                                      "moves are for edits");
+        throw Error(Fault::Usage,
+                    at({flags.model, 0, ""}, "is a scene of rods in time: handles and "
+                                             "moves are for edits"));
     print_warnings(rods.warnings, common);
     const std::string text =
         common.is_json

@@ -36,8 +36,8 @@ double parse_bytes(const std::string& text)
         factor = text[unit] == 'G' ? 1e9 : text[unit] == 'M' ? 1e6 : 1e3;
     if (!number || !(*number > 0) || !std::isfinite(*number) ||
         (unit != std::string::npos && unit + 1 != text.size()))
-        throw Error(Fault::Usage, "--max-memory: got " + in_quotes(text) +
-                                      ", need bytes like 500000000, 500M or 2G");
+        throw wrong_flag("--max-memory", "got " + in_quotes(text) +
+                                             ", need bytes like 500000000, 500M or 2G");
     return *number * factor;
 }
 
@@ -46,8 +46,7 @@ template <class Number>
 Number in_range(const char* flag, Number value, Number low, Number high)
 {
     if (!(value >= low) || !(value <= high))
-        throw Error(Fault::Usage,
-                    fmt::format("{}: got {}, need {} to {}", flag, value, low, high));
+        throw wrong_flag(flag, fmt::format("got {}, need {} to {}", value, low, high));
     return value;
 }
 
@@ -61,8 +60,8 @@ void check_flag(const std::string& flag, const std::string& given, const OneOf& 
 {
     if (allowed.has(given))
         return;
-    throw Error(Fault::Usage, fmt::format("{}: got {}, need {}", flag, in_quotes(given),
-                                          fmt::join(allowed.words, " or ")));
+    throw wrong_flag(flag, fmt::format("got {}, need {}", in_quotes(given),
+                                       fmt::join(allowed.words, " or ")));
 }
 
 void check_flag(const std::string&, bool, YesOrNo) {}
@@ -259,9 +258,9 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
     else if (solver == "gauss-newton-direct")
         settings.method = Method::GaussNewtonDirect;
     else if (flags.solver)
-        throw Error(Fault::Usage,
-                    "--solver: got " + in_quotes(solver) +
-                        ", need newton, gauss-newton or gauss-newton-direct");
+        throw wrong_flag("--solver",
+                         "got " + in_quotes(solver) +
+                             ", need newton, gauss-newton or gauss-newton-direct");
     if (flags.is_tight)
         settings.gradient_tolerance = 1e-10;
     request.release = field_name(settings.field);

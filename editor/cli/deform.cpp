@@ -93,12 +93,12 @@ void check_outputs(const OutputName& name, const DeformFlags& flags,
     if (is_animation(name, model, handles))
     {
         if (name.has_frame())
-            throw Error(Fault::Usage, "-o: got " + in_quotes(output) +
-                                          ": all frames go into this one file, leave out "
-                                          "{frame}");
+            throw wrong_flag("-o", "got " + in_quotes(output) +
+                                       ": all frames go into this one file, leave out "
+                                       "{frame}");
         if (frames.empty())
-            throw Error(Fault::Usage,
-                        "-o: there is no frame for " + in_quotes(output) + " to show");
+            throw wrong_flag("-o",
+                             "there is no frame for " + in_quotes(output) + " to show");
         return check_output(output, common.overwrite());
     }
     if (!name.has_frame())
@@ -115,12 +115,12 @@ void check_field_output(const std::string& path, const std::vector<std::int64_t>
                         const CommonFlags& common)
 {
     if (extension_of(path) != "cwf")
-        throw Error(Fault::Usage,
-                    fmt::format("--save-field: got {}, need a name that ends in .cwf",
-                                in_quotes(path)));
+        throw wrong_flag(
+            "--save-field",
+            fmt::format("got {}, need a name that ends in .cwf", in_quotes(path)));
     if (frames.empty())
-        throw Error(Fault::Usage, "--save-field: the handle file has no frame, so there "
-                                  "is no field");
+        throw wrong_flag("--save-field", "the handle file has no frame, so there "
+                                         "is no field");
     check_output(path, common.overwrite());
 }
 

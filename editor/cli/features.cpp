@@ -56,8 +56,9 @@ std::unique_ptr<InTime> open_in_time(const std::string& input,
 #endif
     }
 #if defined(CELLWARP_WITH_RODS) || defined(CELLWARP_WITH_SKELETON)
-    throw Error(Fault::Usage, input + ": this build has no part that moves it in time "
-                                      "(CELLWARP_RODS, CELLWARP_SKELETON)");
+    throw Error(Fault::Usage,
+                at({input, 0, ""}, "this build has no part that moves it in time "
+                                   "(CELLWARP_RODS, CELLWARP_SKELETON)"));
 #else
     return nullptr; // scenes are for edits alone
 #endif

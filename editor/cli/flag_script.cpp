@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <regex>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -19,19 +18,9 @@ namespace cellwarp
 namespace
 {
 
-constexpr const char* kPath = "command line";
-
-/// Without the place in the file that never was: "command line:3: ".
-std::string without_place(const std::string& message, std::size_t line)
-{
-    const std::string place = fmt::format("{}:{}: ", kPath, line);
-    return message.starts_with(place) ? message.substr(place.size()) : message;
-}
-
 /// What is wrong later is told of a region by its name: there is no file to look into.
 HandleFile without_lines(HandleFile handles)
 {
-    handles.path.clear();
     for (Stage& stage : handles.stages)
     {
         for (RegionStatement& region : stage.regions)
@@ -83,15 +72,14 @@ void FlagScript::check_names() const
     for (const std::string& fix : fixes_)
         if (const auto [first, second] = first_words(fix);
             !is_selector_kind(first) && is_selector_kind(second))
-            throw Error(Fault::Usage,
-                        fmt::format("--fix: takes no name (got {}, need {})",
-                                    in_quotes(first), in_quotes(second)));
+            throw wrong_flag("--fix", fmt::format("takes no name (got {}, need {})",
+                                                  in_quotes(first), in_quotes(second)));
     for (const std::string& handle : handles_)
         if (const auto [first, second] = first_words(handle);
             is_selector_kind(first) && !is_selector_kind(second))
-            throw Error(Fault::Usage,
-                        fmt::format("--handle: needs a name before {}, like 'hand {}'",
-                                    in_quotes(first), handle));
+            throw wrong_flag("--handle",
+                             fmt::format("needs a name before {}, like 'hand {}'",
+                                         in_quotes(first), handle));
 }
 
 HandleFile FlagScript::handles() const
@@ -102,7 +90,7 @@ HandleFile FlagScript::handles() const
         [&](const std::string& flag, const std::string& begin, const std::string& rest)
     {
         if (rest.find_first_of("\n\r") != std::string::npos)
-            throw Error(Fault::Usage, flag + ": got several lines, need one");
+            throw wrong_flag(flag, "got several lines, need one");
         flags.push_back(flag);
         text += begin + rest + "\n";
     };
@@ -119,18 +107,14 @@ HandleFile FlagScript::handles() const
     check_names();
     try
     {
-        return without_lines(parse_handles(kPath, text));
+        return without_lines(parse_handles("", text));
     }
     catch (const Error& error)
     {
-        if (error.fault() != Fault::Malformed)
+        const std::size_t line = static_cast<std::size_t>(error.line());
+        if (error.fault() != Fault::Malformed || line == 0)
             throw;
-        const std::string message =
-            std::regex_replace(error.what(), std::regex(R"( \(line \d+\))"), "");
-        for (std::size_t line = flags.size(); line > 0; --line)
-            if (const std::string rest = without_place(message, line); rest != message)
-                throw Error(Fault::Usage, flags[line - 1] + ": " + rest);
-        throw Error(Fault::Usage, message);
+        throw wrong_flag(flags[line - 1], at({"", 0, error.field()}, error.message()));
     }
 }
 

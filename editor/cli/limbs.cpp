@@ -38,9 +38,10 @@ std::vector<LimbJoint> limbs_of(const std::string& path, const Geometry& geometr
     }
     if (joints.size() < 2)
         throw Error(Fault::Unsolvable,
-                    path + ": the shape has no centre line (this needs a closed surface, "
-                           "or samples that one can be wrapped around, and a build with "
-                           "CGAL)");
+                    at({path, 0, ""},
+                       "the shape has no centre line (this needs a closed surface, "
+                       "or samples that one can be wrapped around, and a build with "
+                       "CGAL)"));
     return joints;
 }
 

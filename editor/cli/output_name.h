@@ -31,8 +31,8 @@ public:
         const bool is_padded = inside.size() == 3 && inside.starts_with(":0") &&
                                inside[2] >= '1' && inside[2] <= '9';
         if (!inside.empty() && !is_padded)
-            throw Error(Fault::Usage, "-o: got " + in_quotes(pattern) +
-                                          ", need {frame} or {frame:04} in it");
+            throw wrong_flag("-o", "got " + in_quotes(pattern) +
+                                       ", need {frame} or {frame:04} in it");
         before_ = pattern.substr(0, open);
         after_ = pattern.substr(close + 1);
         width_ = is_padded ? inside[2] - '0' : 1;
@@ -55,8 +55,8 @@ private:
         const std::string inside = pattern.substr(open + 1, close - open - 1);
         const std::string known[] = {"frame"};
         if (!nearest_word(inside.substr(0, inside.find(':')), known).empty())
-            throw Error(Fault::Usage, "-o: got " + in_quotes(pattern) +
-                                          ": did you mean {frame} by {" + inside + "}?");
+            throw wrong_flag("-o", "got " + in_quotes(pattern) +
+                                       ": did you mean {frame} by {" + inside + "}?");
     }
 
     std::string pattern_, before_, after_;

@@ -37,8 +37,8 @@ PictureOptions picture_options(const RenderFlags& flags)
         cross == std::string::npos ? std::nullopt
                                    : parse_integer(flags.size.substr(cross + 1));
     if (!width || !height || *width < 1 || *height < 1 || *width > 8192 || *height > 8192)
-        throw Error(Fault::Usage, "--size: got " + in_quotes(flags.size) +
-                                      ", need WIDTHxHEIGHT up to 8192x8192");
+        throw wrong_flag("--size", "got " + in_quotes(flags.size) +
+                                       ", need WIDTHxHEIGHT up to 8192x8192");
     options.width = static_cast<int>(*width);
     options.height = static_cast<int>(*height);
     options.azimuth = flags.view[0];
@@ -54,8 +54,8 @@ std::optional<std::int64_t> number_of(const std::string& frame)
     const std::optional<std::int64_t> number =
         frame == "last" ? std::nullopt : parse_integer(frame);
     if (frame != "last" && !number)
-        throw Error(Fault::Usage,
-                    "--frame: got " + in_quotes(frame) + ", need rest, last or a number");
+        throw wrong_flag("--frame",
+                         "got " + in_quotes(frame) + ", need rest, last or a number");
     return number;
 }
 
@@ -72,7 +72,7 @@ void play(Session& session, const std::string& wanted)
             return;
     }
     if (number)
-        throw Error(Fault::Usage, "--frame: the handle file has no frame " + wanted);
+        throw wrong_flag("--frame", "the handle file has no frame " + wanted);
 }
 
 /// \p count of 0 ... last, evenly, both ends among them.
@@ -94,15 +94,15 @@ std::vector<Figure> figures_of(const Film& film, const RenderFlags& flags)
     {
         frames[0] = number_of(flags.frame).value_or(film.last);
         if (frames[0] < 0 || frames[0] > film.last)
-            throw Error(Fault::Usage,
-                        fmt::format("--frame: the scene has frames 0 to {}", film.last));
+            throw wrong_flag("--frame",
+                             fmt::format("the scene has frames 0 to {}", film.last));
     }
     std::vector<Figure> figures;
     for (const std::int64_t frame : frames)
     {
         const FilmFrame seen = film.frame(frame);
         if (flags.shows_cells && seen.cells.empty())
-            throw Error(Fault::Usage, "--cells: rods have none");
+            throw wrong_flag("--cells", "rods have none");
         Figure& figure = figures.emplace_back(figure_of(seen.parts));
         add_joints(figure, seen.joints);
         if (flags.shows_cells)
@@ -161,7 +161,7 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     PictureOptions options = picture_options(flags);
     check_output(flags.output, common.overwrite());
     if (extension_of(flags.output) != "png" && flags.output != "-")
-        throw Error(Fault::Usage, flags.output + ": a picture is a .png");
+        throw Error(Fault::Usage, at({flags.output, 0, ""}, "a picture is a .png"));
     if (flags.strip > 0 && flags.frame != "rest")
         throw Error(Fault::Usage, "--strip and --frame: one of them");
     std::vector<Figure> figures;

@@ -71,7 +71,7 @@ void check_flags(const SimulateFlags& flags, const CommonFlags& common)
     if (flags.output == "-" && common.is_json)
         throw Error(Fault::Usage, "-o - and --json both need stdout");
     if (flags.rods == "-")
-        throw Error(Fault::Usage, "--rods: need the name of a file");
+        throw wrong_flag("--rods", "need the name of a file");
 }
 
 /// Whether all frames of the model go into one file.
@@ -90,9 +90,9 @@ void check_model_output(const SimulateFlags& flags, const InTime& in_time,
     if (is_animation(flags, in_time))
     {
         if (name.has_frame())
-            throw Error(Fault::Usage, "-o: got " + in_quotes(flags.output) +
-                                          ": all frames go into this one file, leave "
-                                          "out {frame}");
+            throw wrong_flag("-o", "got " + in_quotes(flags.output) +
+                                       ": all frames go into this one file, leave "
+                                       "out {frame}");
         check_output(flags.output, common.overwrite());
         return;
     }
@@ -110,10 +110,10 @@ void check_outputs(const SimulateFlags& flags, const InTime& in_time,
 {
     const bool has_model = in_time.model() != nullptr;
     if (!has_model && !flags.rods.empty())
-        throw Error(Fault::Usage,
-                    "--rods: without a model that they carry, rods are written by -o");
+        throw wrong_flag("--rods",
+                         "without a model that they carry, rods are written by -o");
     if (!flags.rods.empty() && !in_time.bytes_of_rods("x.obj", 1.0, {}))
-        throw Error(Fault::Usage, "--rods: the scene has no rods");
+        throw wrong_flag("--rods", "the scene has no rods");
     const std::string& rods = has_model ? flags.rods : flags.output;
     if (!rods.empty())
     {

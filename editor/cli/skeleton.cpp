@@ -72,14 +72,14 @@ int run(const SkeletonFlags& flags, const CommonFlags& common)
         throw Error(Fault::Usage, "-o - and --json both need stdout");
     if (const std::string extension = extension_of(flags.output);
         flags.output != "-" && extension != "tgf" && extension != "json")
-        throw Error(Fault::Usage, "-o: got " + in_quotes(flags.output) +
-                                      ", need a skeleton (.tgf) or a scene (.json)");
+        throw wrong_flag("-o", "got " + in_quotes(flags.output) +
+                                   ", need a skeleton (.tgf) or a scene (.json)");
     if (flags.options.bones < 1 || flags.options.bones > 64)
-        throw Error(Fault::Usage,
-                    fmt::format("--bones: got {}, need 1 to 64", flags.options.bones));
+        throw wrong_flag("--bones",
+                         fmt::format("got {}, need 1 to 64", flags.options.bones));
     if (!(flags.options.bend >= 0.01 && flags.options.bend <= 100.0))
-        throw Error(Fault::Usage,
-                    fmt::format("--bend: got {}, need 0.01 to 100", flags.options.bend));
+        throw wrong_flag("--bend",
+                         fmt::format("got {}, need 0.01 to 100", flags.options.bend));
     check_output(flags.output, common.overwrite());
     const GeometryFile file = read_geometry(flags.model, {flags.columns});
     print_warnings(file.geometry.warnings, common);

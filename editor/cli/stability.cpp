@@ -134,7 +134,7 @@ Result follow(const StabilityCase& of, StabilityRow& row)
 {
     const std::unique_ptr<InTime> scene = open_in_time(of.path);
     if (!scene)
-        throw Error(Fault::Usage, of.path + ": nothing in it moves in time");
+        throw Error(Fault::Usage, at({of.path, 0, ""}, "nothing in it moves in time"));
     Result result;
     row.outcome = stop_name(Stop::Converged);
     row.iterations = 0;

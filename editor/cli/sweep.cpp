@@ -84,9 +84,10 @@ std::vector<double> thresholds_of(const std::string& list)
     {
         const std::optional<double> number = parse_double(part);
         if (!number || !(*number > 0) || !std::isfinite(*number))
-            throw Error(Fault::Usage, "--thresholds: got " + in_quotes(part) +
-                                          ", need positive numbers (of the diagonal), "
-                                          "with commas between");
+            throw wrong_flag("--thresholds",
+                             "got " + in_quotes(part) +
+                                 ", need positive numbers (of the diagonal), "
+                                 "with commas between");
         numbers.push_back(*number);
     }
     std::sort(numbers.begin(), numbers.end(), std::greater<>());
@@ -101,12 +102,13 @@ std::vector<FieldChoice> fields_of(const std::string& list)
     {
         const std::optional<FieldChoice> field = field_of_name(part);
         if (!field)
-            throw Error(Fault::Usage,
-                        "--interpolators: got " + in_quotes(part) +
-                            ", need rbf, blend, closest4, rbf-global, rbf-centres or "
-                            "rbf:CORE:SUPPORT:REACH (1 <= CORE, 0 < "
-                            "SUPPORT <= REACH <= 64), with commas "
-                            "between");
+            throw wrong_flag(
+                "--interpolators",
+                "got " + in_quotes(part) +
+                    ", need rbf, blend, closest4, rbf-global, rbf-centres or "
+                    "rbf:CORE:SUPPORT:REACH (1 <= CORE, 0 < "
+                    "SUPPORT <= REACH <= 64), with commas "
+                    "between");
         if (std::find(fields.begin(), fields.end(), *field) == fields.end())
             fields.push_back(*field);
     }
@@ -119,8 +121,8 @@ SweepSettings sweep_settings(const SweepFlags& flags, const SessionSettings& ses
     settings.session = session;
     settings.max_depth = session.cells.max_depth;
     if (flags.runs < 1 || flags.runs > kMaxRuns)
-        throw Error(Fault::Usage,
-                    fmt::format("--runs: got {}, need 1 to {}", flags.runs, kMaxRuns));
+        throw wrong_flag("--runs",
+                         fmt::format("got {}, need 1 to {}", flags.runs, kMaxRuns));
     settings.runs = static_cast<int>(flags.runs);
     settings.takes_back = flags.takes_back;
     if (flags.takes_back && session.departures == kBotsch07)
@@ -162,7 +164,7 @@ public:
             for (const std::string& name : names)
                 check_output(place_of(name), overwrite);
         else if (fs::exists(path_, ignored))
-            throw Error(Fault::File, path_ + ": is a file, need a folder");
+            throw Error(Fault::File, at({path_, 0, ""}, "is a file, need a folder"));
         else
             check_output(path_, Overwrite::No);
     }
@@ -172,7 +174,8 @@ public:
         std::error_code problem;
         fs::create_directory(path_, problem);
         if (problem)
-            throw Error(Fault::File, path_ + ": cannot make it: " + problem.message());
+            throw Error(Fault::File,
+                        at({path_, 0, ""}, "cannot make it: " + problem.message()));
     }
     std::string place_of(const std::string& name) const { return path_ + "/" + name; }
     void write(const std::string& name, const std::string& bytes)
@@ -308,7 +311,7 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
     std::erase_if(extremes, [&](const ExtremeScene& of)
                   { return of.group != "base" && is_left_out(of.group, of.name); });
     if (cases.empty() && extremes.size() == 1)
-        throw Error(Fault::Usage, "--only: no case has " + in_quotes(flags.only));
+        throw wrong_flag("--only", "no case has " + in_quotes(flags.only));
     folder.make();
     ReportFolder scenes(folder.place_of("scenes"), {}, Overwrite::Yes);
     scenes.make();
@@ -366,11 +369,10 @@ int run(SweepFlags flags, const CommonFlags& common)
     report.machine = this_machine();
     report.threads = common.threads > 0 ? common.threads : report.machine.cores;
     if (!request.handles || num_frames(*request.handles) == 0)
-        throw Error(
-            Fault::Usage,
-            flags.session.model +
-                ": has no frame, and a sweep needs a deformation to measure (name "
-                "a handle file with frames in the scene or by --handles)");
+        throw Error(Fault::Usage,
+                    at({flags.session.model, 0, ""},
+                       "has no frame, and a sweep needs a deformation to measure (name "
+                       "a handle file with frames in the scene or by --handles)"));
     SweepInput input{request.model, request.read, std::move(*request.handles)};
     if (flags.against)
     {

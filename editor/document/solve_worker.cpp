@@ -234,13 +234,13 @@ struct SolveWorker::State
         return out;
     }
 
-    void fail(const SolveRequest& request, const std::string& what)
+    /// \p field: of the request that is wrong, where one is.
+    void fail(const SolveRequest& request, const std::string& what,
+              const std::string& field = "")
     {
-        // As errors name a field: "FILE:LINE: REGION: ...", or without a file.
         std::string region;
         for (const RegionStatement& statement : request.handles.stages.back().regions)
-            if (what.starts_with(statement.name + ": ") ||
-                what.find(" " + statement.name + ": ") != std::string::npos)
+            if (field == statement.name || field.starts_with(statement.name + ": "))
                 region = statement.name;
         tell(
             [&](SolveStatus& s)
@@ -286,7 +286,7 @@ struct SolveWorker::State
         }
         catch (const Error& error)
         {
-            fail(request, error.what());
+            fail(request, error.what(), error.field());
         }
         catch (const std::bad_alloc&)
         {

@@ -83,11 +83,11 @@ RegionSet regions_of(const FleshModel& model, const std::vector<std::string>& se
     catch (const Error& error)
     {
         // It names a line of a file that nobody has.
-        std::string what = error.what();
-        if (const std::string place = model.scene.path + ":"; what.starts_with(place))
-            if (const std::size_t end = what.find(": "); end != std::string::npos)
-                what.erase(0, end + 2);
-        throw Error(error.fault(), at({model.scene.path, 0, field}, what));
+        const bool is_of_text = error.file() == model.scene.path && error.line() > 0;
+        throw Error(error.fault(),
+                    at({model.scene.path, 0, field},
+                       is_of_text ? at({"", 0, error.field()}, error.message()).text()
+                                  : error.what()));
     }
 }
 

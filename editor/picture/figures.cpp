@@ -144,7 +144,7 @@ Eigen::AlignedBox3d box_of_region(const Session& session, const std::string& nam
                     box.extend(session.deformed().samples[i]);
                 return box;
             }
-    throw Error(Fault::Usage, "--focus: there is no region " + in_quotes(name));
+    throw wrong_flag("--focus", "there is no region " + in_quotes(name));
 }
 
 void add_joints(Figure& figure, const std::vector<PosedJoint>& joints)

@@ -629,10 +629,12 @@ void Session::solve_frame(FrameReport& report)
     const SolveReport& total = s.last_solve;
     report.solve = total;
     if (total.stop == Stop::NotPositiveDefinite)
-        throw Error(Fault::Unsolvable,
-                    at({handles_.path, 0, "frame " + std::to_string(report.frame)},
-                       "the equations have no solution in finite numbers, also damped (a "
-                       "move may be too far)"));
+        throw Error(
+            Fault::Unsolvable,
+            at({handles_.path, 0, ""},
+               "frame " + std::to_string(report.frame) +
+                   ": the equations have no solution in finite numbers, also damped (a "
+                   "move may be too far)"));
     if (total.is_saddle && total.energy_after > 0.0)
         warnings_.push_back(
             fmt::format("frame {}: the result may not be stable: its energy "

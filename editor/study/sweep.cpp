@@ -347,7 +347,8 @@ private:
                      const std::vector<Eigen::Vector3d>& others) const
     {
         if (!others.empty() && samples.size() != others.size())
-            throw Error(Fault::File, input_.model + ": changed while it was swept");
+            throw Error(Fault::File,
+                        at({input_.model, 0, ""}, "changed while it was swept"));
     }
 
     void compare_with_elsewhere(SweepRow& row,

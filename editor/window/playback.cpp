@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <sstream>
 
 #include "io/error.h"
@@ -145,7 +144,7 @@ void Player::run(const Statement& statement)
     }
     catch (const Error& error)
     {
-        if (std::strncmp(error.what(), path_.c_str(), path_.size()) == 0)
+        if (error.file() == path_)
             throw;
         throw Error(error.fault(),
                     at({path_, statement.line, statement.words[0]}, error.what()));
