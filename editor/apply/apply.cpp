@@ -207,13 +207,11 @@ void Batch::apply(std::size_t i)
     }
     catch (const Error& error)
     {
-        report.message = error.what();
-        report.fault = error.fault();
+        report.error = error;
     }
     catch (const std::bad_alloc&)
     {
-        report.fault = Fault::Budget;
-        report.message = file.input + ": out of memory";
+        report.error.emplace(Fault::Budget, at({file.input, 0, ""}, "out of memory"));
     }
     report.seconds = seconds_since(start);
     show(i, 1.0);
@@ -223,7 +221,7 @@ void Batch::apply(std::size_t i)
     line.samples = report.stream.samples;
     line.seconds = report.seconds;
     line.output_bytes = report.stream.bytes;
-    line.message = report.message;
+    line.message = report.error ? report.error->what() : "";
     manifest_->add(line);
     if (report.status == FileStatus::Failed && settings_.fails_fast)
         stop_.request_stop();

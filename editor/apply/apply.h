@@ -60,8 +60,7 @@ struct FileReport
     FileStatus status = FileStatus::Left;
     StreamReport stream;
     double seconds = 0.0;
-    std::string message;        ///< of the failure
-    std::optional<Fault> fault; ///< of the failure
+    std::optional<Error> error; ///< of the failure
 };
 
 /// Moves every file and keeps a manifest: one line when a file is begun and one when it

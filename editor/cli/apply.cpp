@@ -148,7 +148,7 @@ std::string report_text(Json json, std::uint64_t samples, double seconds,
     json["chain_length"] = deformation.num_maps();
     json["peak_rss_mb"] = peak_memory_mb();
     json["warnings"] = warnings;
-    return json.dump(2) + "\n";
+    return json_text(json);
 }
 
 std::vector<std::string> warnings_of(const StreamReport& report,
@@ -190,10 +190,9 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
         throw Error(Fault::Usage, "-o - and --json both need stdout");
     if (flags.output != "-" && extension_of(flags.output) != format)
         throw Error(Fault::Usage,
-                    fmt::format("{}: the output has the input's format (got {}, need "
-                                ".{})",
-                                flags.output, in_quotes("." + extension_of(flags.output)),
-                                format));
+                    at({flags.output, 0, ""},
+                       fmt::format("the output has the input's format (got {}, need .{})",
+                                   in_quotes("." + extension_of(flags.output)), format)));
     check_output(flags.output, common.overwrite());
     const Deformation deformation = load_field(flags.field, settings);
     Progress progress(common);
@@ -217,6 +216,22 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
     return 0;
 }
 
+std::string name_of(FileStatus status)
+{
+    switch (status)
+    {
+    case FileStatus::Done:
+        return "done";
+    case FileStatus::Skipped:
+        return "skipped";
+    case FileStatus::Failed:
+        return "failed";
+    case FileStatus::Left:
+        return "not begun";
+    }
+    return {};
+}
+
 /// Tells every failure and how many there were; the exit code.
 int sum_up(const std::vector<BatchFile>& files, const std::vector<FileReport>& reports)
 {
@@ -228,8 +243,8 @@ int sum_up(const std::vector<BatchFile>& files, const std::vector<FileReport>& r
         if (report.status != FileStatus::Failed)
             continue;
         ++failed;
-        faults.insert(report.fault.value_or(Fault::Malformed));
-        say(fmt::format("error: {}\n", report.message));
+        faults.insert(report.error->fault());
+        say(fmt::format("error: {}\n", report.error->what()));
     }
     if (failed == 0)
         return 0;
@@ -277,17 +292,18 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
         skipped += report.status == FileStatus::Skipped;
         const std::vector<std::string> more = warnings_of(report.stream, files[i].output);
         warnings.insert(warnings.end(), more.begin(), more.end());
-        each.push_back(
-            {{"input", files[i].input},
-             {"status", report.status == FileStatus::Done ? "done" : "skipped"},
-             {"samples", report.stream.samples},
-             {"seconds", report.seconds}});
+        each.push_back({{"input", files[i].input},
+                        {"status", name_of(report.status)},
+                        {"samples", report.stream.samples},
+                        {"seconds", report.seconds}});
+        if (report.error)
+            each.back()["error"] = error_json(*report.error);
     }
     print_warnings(warnings, common);
     const int exit_code = sum_up(files, reports);
     if (exit_code == 0 && !common.is_quiet)
         say(fmt::format("{} files done, {} skipped\n", done, skipped));
-    if (common.is_json && exit_code == 0)
+    if (common.is_json)
         write_file(
             "-",
             report_text(

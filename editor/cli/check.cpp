@@ -32,18 +32,35 @@ int check_rods(const SessionFlags& flags, const RodFacts& rods, const CommonFlag
                                              "moves are for edits"));
     print_warnings(rods.warnings, common);
     const std::string text =
-        common.is_json
-            ? Json{{"model", has_model(flags.model) ? Json(read_scene(flags.model).model)
-                                                    : Json()},
-                   {"frames", rods.num_frames},
-                   {"steps", rods.num_steps},
-                   {"rods_in_time", rods.rods},
-                   {"warnings", rods.warnings}}
-                      .dump(2) +
-                  "\n"
-            : fmt::format("{}: {}: in order\n", flags.model, rods.text);
+        common.is_json ? json_text({{"model", has_model(flags.model)
+                                                  ? Json(read_scene(flags.model).model)
+                                                  : Json()},
+                                    {"frames", rods.num_frames},
+                                    {"steps", rods.num_steps},
+                                    {"rods_in_time", rods.rods},
+                                    {"warnings", rods.warnings}})
+                       : fmt::format("{}: {}: in order\n", flags.model, rods.text);
     write_file("-", text, Overwrite::Yes);
     return 0;
+}
+
+/// Regions are found in the cells, which a session makes for a frame: a script that has
+/// regions or joints alone gets one at rest.
+void need_frame(HandleFile& handles)
+{
+    if (handles.stages.empty())
+        return;
+    Stage& first = handles.stages.front();
+    if (first.frames.empty() && !(first.regions.empty() && first.joints.empty()))
+        first.frames.push_back({.number = 0, .moves = {}, .is_asked = false});
+}
+
+/// What regions after a commit name: samples, groups and label files. Where the samples
+/// are then is not known without solving, so their shapes are not looked at.
+void check_later_stages(const HandleFile& handles, const Geometry& geometry)
+{
+    for (std::size_t k = 1; k < handles.stages.size(); ++k)
+        check_lists(handles.stages[k].regions, geometry, handles);
 }
 
 int run(const SessionFlags& flags, const CommonFlags& common)
@@ -62,6 +79,8 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();
+    need_frame(*request.handles);
+    check_later_stages(*request.handles, *geometry);
     const Session session(geometry, std::move(*request.handles), request.settings);
     std::vector<std::string> warnings = request.warnings;
     warnings.insert(warnings.end(), session.warnings().begin(), session.warnings().end());
@@ -84,21 +103,19 @@ int run(const SessionFlags& flags, const CommonFlags& common)
         parts = system->rest().parts;
     std::string text;
     if (common.is_json)
-        text = Json{{"model", request.model},
-                    {"samples", samples},
-                    {"cells", cells},
-                    {"regions", regions},
-                    {"frames", num_frames},
-                    {"self_intersections",
-                     intersections ? Json{{"rest", intersections->all}} : Json()},
-                    {"parts", parts_json(parts)},
-                    {"rods", rods_json(session.rods())},
-                    {"rods_in_time", rods ? rods->rods : Json::array()},
-                    {"skeleton", skeleton_json(session)},
-                    {"flesh", flesh ? flesh->json : Json()},
-                    {"warnings", warnings}}
-                   .dump(2) +
-               "\n";
+        text = json_text({{"model", request.model},
+                          {"samples", samples},
+                          {"cells", cells},
+                          {"regions", regions},
+                          {"frames", num_frames},
+                          {"self_intersections",
+                           intersections ? Json{{"rest", intersections->all}} : Json()},
+                          {"parts", parts_json(parts)},
+                          {"rods", rods_json(session.rods())},
+                          {"rods_in_time", rods ? rods->rods : Json::array()},
+                          {"skeleton", skeleton_json(session)},
+                          {"flesh", flesh ? flesh->json : Json()},
+                          {"warnings", warnings}});
     else
         text = fmt::format("{}: {} samples, {} cells, {} regions, {} frames: in order\n",
                            flags.model, samples, cells, regions, num_frames) +

@@ -267,6 +267,41 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
     return request;
 }
 
+std::string json_text(const Json& json)
+{
+    Json all = {{"version", CELLWARP_VERSION}};
+    all.update(json);
+    return all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+Json error_json(const Error& error)
+{
+    const auto name = [&]
+    {
+        switch (error.fault())
+        {
+        case Fault::Usage:
+            return "usage";
+        case Fault::Malformed:
+            return "malformed";
+        case Fault::File:
+            return "file";
+        case Fault::Budget:
+            return "budget";
+        case Fault::Unsolvable:
+            return "unsolvable";
+        }
+        return "";
+    };
+    const auto known = [](const std::string& text)
+    { return text.empty() ? Json() : Json(text); };
+    return {{"fault", name()},
+            {"file", known(error.file())},
+            {"line", error.line() > 0 ? Json(error.line()) : Json()},
+            {"field", known(error.field())},
+            {"message", error.message()}};
+}
+
 void say(const std::string& text)
 {
     std::fputs(text.c_str(), stderr);

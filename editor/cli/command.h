@@ -16,6 +16,7 @@
 #include "editor/session/session.h"
 #include "io/animation_file.h"
 #include "io/bytes.h"
+#include "io/error.h"
 #include "io/scene_file.h"
 #include "octree/base/clock.h"
 
@@ -135,6 +136,14 @@ double memory_limit(const std::optional<std::string>& max_memory);
 
 /// Adds --columns.
 void add_columns(CLI::App& app, std::string& columns);
+
+/// What --json prints: one object, with the program's version before its own keys. Text
+/// that is no UTF-8, as names of files may be, has marks in its place.
+std::string json_text(const Json& json);
+
+/// The keys of an error, null for what it does not know: "fault", "file", "line",
+/// "field", "message".
+Json error_json(const Error& error);
 
 /// "warning: ..." on stderr, unless quiet.
 void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common);

@@ -493,7 +493,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         json["peak_rss_mb"] = peak_memory_mb();
         json["unused"] = outcome.unused;
         json["warnings"] = warnings;
-        outputs.write("-", json.dump(2) + "\n");
+        outputs.write("-", json_text(json));
     }
     outputs.commit();
     if (!common.is_json && !common.is_quiet)

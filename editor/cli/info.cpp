@@ -311,7 +311,12 @@ int run(const InfoFlags& flags, const CommonFlags& common)
             exit_code = static_cast<int>(error.fault());
         }
     if (common.is_json)
-        text = (flags.files.size() == 1 ? all[0] : Json{{"files", all}}).dump(2) + "\n";
+    {
+        Json json = {{"files", all}};
+        if (all.size() == 1)
+            json.update(all[0]); // scripts find the keys of a single file here, too
+        text = json_text(json);
+    }
     write_file("-", text, Overwrite::Yes);
     return exit_code;
 }

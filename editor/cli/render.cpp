@@ -159,6 +159,8 @@ std::pair<std::string, std::string> names_of(const std::string& a, const std::st
 int run(const RenderFlags& flags, const CommonFlags& common)
 {
     PictureOptions options = picture_options(flags);
+    if (flags.output == "-" && common.is_json)
+        throw Error(Fault::Usage, "-o - and --json both need stdout");
     check_output(flags.output, common.overwrite());
     if (extension_of(flags.output) != "png" && flags.output != "-")
         throw Error(Fault::Usage, at({flags.output, 0, ""}, "a picture is a .png"));
@@ -221,7 +223,17 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     if (!is_converged)
         warnings.push_back("a frame did not converge: see cellwarp simulate");
     print_warnings(warnings, common);
-    write_file(flags.output, png_bytes(draw(figures, options)), common.overwrite());
+    OutputSet outputs(common.overwrite());
+    outputs.write(flags.output, png_bytes(draw(figures, options)));
+    if (common.is_json)
+        outputs.write("-", json_text({{"input", flags.session.model},
+                                      {"output", flags.output},
+                                      {"figures", figures.size()},
+                                      {"width", options.width * figures.size()},
+                                      {"height", options.height},
+                                      {"converged", is_converged},
+                                      {"warnings", warnings}}));
+    outputs.commit();
     return is_converged ? 0 : kNotConverged;
 }
 

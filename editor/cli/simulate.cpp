@@ -40,10 +40,10 @@ void check_rods_output(const std::string& output, const char* flag,
     if (output != "-" &&
         !(flags.drawing.writes_lines ? extension_of(output) == "obj"
                                      : is_plain_format(extension_of(output))))
-        throw Error(Fault::Usage, std::string(flag) + ": got " + in_quotes(output) +
-                                      (flags.drawing.writes_lines
-                                           ? ", lines are written as .obj"
-                                           : ", rods are written as .obj or .ply"));
+        throw wrong_flag(flag, "got " + in_quotes(output) +
+                                   (flags.drawing.writes_lines
+                                        ? ", lines are written as .obj"
+                                        : ", rods are written as .obj or .ply"));
 }
 
 /// The same for all files of one name.
@@ -290,7 +290,7 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         json["peak_rss_mb"] = peak_memory_mb();
         in_time->add_to(json);
         json["warnings"] = warnings;
-        text = json.dump(2) + "\n";
+        text = json_text(json);
     }
     outputs.commit(text);
     return record.is_converged() ? 0 : kNotConverged;

@@ -93,7 +93,7 @@ int run(const SkeletonFlags& flags, const CommonFlags& common)
         Json json = {{"model", flags.model}, {"joints", joints_json(joints)}};
         for (std::size_t k = 0; k < found.size(); ++k)
             json["joints"][k]["radius"] = found[k].radius;
-        outputs.write("-", json.dump(2) + "\n");
+        outputs.write("-", json_text(json));
     }
     outputs.commit();
     return 0;

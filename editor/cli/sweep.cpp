@@ -65,10 +65,10 @@ std::vector<int> integers_of(const char* flag, const std::string& list, std::int
     {
         const std::optional<std::int64_t> number = parse_integer(part);
         if (!number || *number < low || *number > high)
-            throw Error(Fault::Usage,
-                        fmt::format("{}: got {}, need whole numbers from {} to {}, with "
-                                    "commas between",
-                                    flag, in_quotes(part), low, high));
+            throw wrong_flag(flag,
+                             fmt::format("got {}, need whole numbers from {} to {}, "
+                                         "with commas between",
+                                         in_quotes(part), low, high));
         numbers.push_back(static_cast<int>(*number));
     }
     std::sort(numbers.begin(), numbers.end());
@@ -335,7 +335,7 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                           fmt::format("{}/{}: {}", k + 1, cases.size(), cases[k].name));
         });
     progress.end();
-    const std::string json = stability_json(rows).dump(2) + "\n";
+    const std::string json = json_text(stability_json(rows));
     folder.write("stability.json", json);
     folder.write("stability.html", stability_page(rows));
     folder.commit(common.is_json ? json
@@ -388,8 +388,7 @@ int run(SweepFlags flags, const CommonFlags& common)
     warnings.insert(warnings.begin(), request.warnings.begin(), request.warnings.end());
     print_warnings(warnings, common);
 
-    const std::string json =
-        sweep_json(report).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+    const std::string json = json_text(sweep_json(report));
     const std::string csv = sweep_csv(report);
     const std::string page =
         sweep_page(report, draw_sweep(input, report, !flags.has_no_pictures));

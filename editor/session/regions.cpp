@@ -289,6 +289,14 @@ void put_on_guides(std::span<const OnStatement> statements, const std::string& f
     }
 }
 
+void check_lists(const std::vector<RegionStatement>& statements, const Geometry& geometry,
+                 const HandleFile& file)
+{
+    for (const RegionStatement& statement : statements)
+        if (!statement.spline && !is_geometric(statement.selector.kind))
+            listed_samples(statement, geometry, geometry.samples.size(), file);
+}
+
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,

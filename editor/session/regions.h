@@ -99,6 +99,11 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                                     const CoincidentSamples* known_coincident = nullptr,
                                     std::span<const LedRod> led_rods = {});
 
+/// Throws what resolve_regions() throws for the samples, groups and label files that
+/// statements of \p file name.
+void check_lists(const std::vector<RegionStatement>& statements, const Geometry& geometry,
+                 const HandleFile& file);
+
 /// Puts pins on curves and rods. Throws Fault::Malformed for a pin that is not of one
 /// place.
 void put_on_guides(std::span<const OnStatement> statements, const std::string& file,
