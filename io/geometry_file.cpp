@@ -41,10 +41,10 @@ Error unknown_format(const std::string& path)
     std::string known;
     for (const std::string_view format : kFormats)
         known += (known.empty() ? "" : ", ") + std::string(format);
-    return Error(
-        Fault::Usage,
-        at({path, 0, ""}, "the extension is no known format (need " + known +
-                              "; only to read: dae, fbx, 3ds, blend, x and others)"));
+    return Error(Fault::Usage,
+                 at({path.empty() ? "''" : path, 0, ""},
+                    "the extension is no known format (need " + known +
+                        "; only to read: dae, fbx, 3ds, blend, x and others)"));
 }
 
 GeometryFile scan_geometry(std::string path, std::string bytes,

@@ -47,18 +47,18 @@ void check_output_format(const std::string& output, const std::string& format,
                          Conversion conversion)
 {
     const std::string extension = extension_of(output);
+    const std::string given = extension.empty() ? "none" : in_quotes("." + extension);
     if (conversion == Conversion::Yes)
     {
         const bool is_own = extension == format && is_geometry_format(format);
         if (!is_own && !is_converted_format(extension))
             throw Error(Fault::Usage,
-                        at({output, 0, ""}, "cannot be converted to (got " +
-                                                in_quotes("." + extension) +
+                        at({output, 0, ""}, "cannot be converted to (got " + given +
                                                 ", need .obj, .ply, .off, .stl or "
                                                 ".xyz)"));
         return;
     }
-    const std::string got = " (got " + in_quotes("." + extension) + ", need .";
+    const std::string got = " (got " + given + ", need .";
     if (!is_geometry_format(format) && !is_plain_format(extension))
         throw Error(Fault::Usage,
                     at({output, 0, ""}, "a ." + format +

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/json_object.h"
 
+#include <set>
+
 #include "io/file_limits.h"
 #include "io/json_text.h"
 
@@ -55,6 +57,64 @@ std::int64_t line_of_field(const std::string& text, std::string_view field)
     return is_found ? line_of(text, value.begin) : 0;
 }
 
+/// The keys of the objects that are open while a text is read, from the root on.
+class KeysInUse
+{
+public:
+    /// The place of a key that its object has already, like "rods[2].points"; else empty.
+    std::string follow(Json::parse_event_t event, const Json& value)
+    {
+        using Event = Json::parse_event_t;
+        switch (event)
+        {
+        case Event::object_start:
+        case Event::array_start:
+            begin_value();
+            open_.push_back({event == Event::array_start, {}, {}, 0});
+            break;
+        case Event::object_end:
+        case Event::array_end:
+            open_.pop_back();
+            break;
+        case Event::value:
+            begin_value();
+            break;
+        case Event::key:
+            open_.back().key = value.get<std::string>();
+            if (!open_.back().keys.insert(open_.back().key).second)
+                return place();
+            break;
+        }
+        return {};
+    }
+
+private:
+    struct Open
+    {
+        bool is_array;
+        std::set<std::string> keys;
+        std::string key;     ///< the last one
+        std::size_t num = 0; ///< of an array's items so far
+    };
+    void begin_value()
+    {
+        if (!open_.empty())
+            ++open_.back().num;
+    }
+    std::string place() const
+    {
+        std::string text;
+        for (const Open& open : open_)
+            if (open.is_array)
+                text += "[" + std::to_string(open.num - 1) + "]";
+            else
+                text += (text.empty() ? "" : ".") + open.key;
+        return text;
+    }
+
+    std::vector<Open> open_;
+};
+
 } // namespace
 
 Error JsonError::with_line(const std::string& path, const std::string& text) const
@@ -65,14 +125,18 @@ Error JsonError::with_line(const std::string& path, const std::string& text) con
 Json parse_json(const std::string& path, const std::string& text)
 {
     Json json;
+    KeysInUse keys;
+    std::string twice;
     try
     {
         json = Json::parse(
             text,
-            [&](int depth, Json::parse_event_t, Json&)
+            [&](int depth, Json::parse_event_t event, Json& value)
             {
                 if (depth > kMaxNesting)
                     throw malformed({path, 0, ""}, "is nested deeper than 128");
+                if (twice.empty())
+                    twice = keys.follow(event, value);
                 return true;
             });
     }
@@ -85,6 +149,9 @@ Json parse_json(const std::string& path, const std::string& text)
     {
         throw malformed({path, 0, ""}, "holds a number that is out of range");
     }
+    if (!twice.empty())
+        throw malformed({path, line_of_field(text, twice), twice},
+                        "stands twice in its object");
     return json;
 }
 

@@ -109,7 +109,8 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
         report.warnings.push_back(
             fmt::format("{}: {} of {} points lie outside the box of the model that the "
                         "field was made with: no material there tells where they go",
-                        file.input, num_outside.load(), report.samples));
+                        file.input == "-" ? "stdin" : file.input, num_outside.load(),
+                        report.samples));
     return report;
 }
 

@@ -26,18 +26,31 @@ namespace cellwarp
 namespace
 {
 
-/// "200M", "1.5G" or plain bytes.
+/// "200M", "1.5 GB", "2GiB" or plain bytes.
 double parse_bytes(const std::string& text)
 {
-    const std::size_t unit = text.find_first_of("kKMG");
-    const std::optional<double> number = parse_double(text.substr(0, unit));
+    const std::size_t unit =
+        std::min(text.find_first_of("kKmMgGtTbB"), text.size()); // no number has these
+    const std::string before = text.substr(0, unit);
+    const std::optional<double> number =
+        parse_double(before.substr(0, before.find_last_not_of(' ') + 1));
     double factor = 1.0;
-    if (unit != std::string::npos)
-        factor = text[unit] == 'G' ? 1e9 : text[unit] == 'M' ? 1e6 : 1e3;
+    std::string rest = lower_case(text.substr(unit));
+    constexpr std::string_view kPrefixes = "kmgt";
+    if (const std::size_t power = kPrefixes.find(rest.empty() ? 'b' : rest[0]);
+        power != std::string_view::npos)
+    {
+        rest.erase(0, 1);
+        factor = std::pow(rest.starts_with('i') ? 1024.0 : 1000.0,
+                          static_cast<double>(power) + 1.0);
+        if (rest == "ib")
+            rest = "b";
+    }
     if (!number || !(*number > 0) || !std::isfinite(*number) ||
-        (unit != std::string::npos && unit + 1 != text.size()))
-        throw wrong_flag("--max-memory", "got " + in_quotes(text) +
-                                             ", need bytes like 500000000, 500M or 2G");
+        !(rest.empty() || rest == "b"))
+        throw wrong_flag("--max-memory",
+                         "got " + in_quotes(text) +
+                             ", need bytes like 500000000, 500M, 2GB or 2GiB");
     return *number * factor;
 }
 
@@ -165,7 +178,7 @@ void add_max_memory(CLI::App& app, std::optional<std::string>& max_memory)
 {
     app.add_option(
         "--max-memory", max_memory,
-        "of the whole process in bytes, like 500M or 2G (default: 70 % of what "
+        "of the whole process in bytes, like 500M, 2GB or 2GiB (default: 70 % of what "
         "is free, in the process's control groups too)");
 }
 

@@ -17,7 +17,7 @@ namespace cellwarp
 namespace
 {
 
-Json numbers(const Eigen::Vector3d& v)
+Json components(const Eigen::Vector3d& v)
 {
     return {v.x(), v.y(), v.z()};
 }
@@ -47,8 +47,8 @@ Json told_of_flesh(std::int64_t number, const FleshFrame& frame,
          {{"kinetic", frame.kinetic},
           {"elastic", frame.elastic},
           {"gravity", frame.gravity}}},
-        {"momentum", numbers(frame.momentum)},
-        {"angular_momentum", numbers(frame.angular_momentum)},
+        {"momentum", components(frame.momentum)},
+        {"angular_momentum", components(frame.angular_momentum)},
         {"constraint", frame.miss},
         {"iterations", frame.systems},
         {"stop", frame.stop},
@@ -60,8 +60,8 @@ Json told_of_flesh(std::int64_t number, const FleshFrame& frame,
           {"inverted", frame.inverted},
           {"cg_steps", frame.cg_steps},
           {"contacts", frame.contacts},
-          {"support", numbers(frame.support)},
-          {"pull", numbers(frame.pull)},
+          {"support", components(frame.support)},
+          {"pull", components(frame.pull)},
           {"step_ms", frame.step_ms}}},
         {"volume",
          volume ? Json{{"before", volume->before}, {"after", volume->after}} : Json()}};

@@ -2,7 +2,9 @@
 // The command line: subcommands, signals, and the one place where errors become
 // messages and exit codes.
 #include <algorithm>
+#include <array>
 #include <csignal>
+#include <iterator>
 #include <new>
 #include <optional>
 #include <sstream>
@@ -14,6 +16,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/help.h"
 #include "editor/session/memory_guard.h"
 #include "io/error.h"
 #include "io/near_word.h"
@@ -53,6 +56,9 @@ void prepare_process()
     std::signal(SIGXFSZ, SIG_IGN);
     std::signal(SIGINT, end_at_signal);
     std::signal(SIGTERM, end_at_signal);
+    // Of a terminal that is closed; nohup's wish to go on stands.
+    if (std::signal(SIGHUP, end_at_signal) == SIG_IGN)
+        std::signal(SIGHUP, SIG_IGN);
 }
 
 bool has_subcommand(const CLI::App& app, const std::string& name)
@@ -111,7 +117,99 @@ std::string wrong_number(const CLI::App& app, const std::string& message)
     return "";
 }
 
-int run(int argc, char** argv)
+/// An error of a message that may begin with the flag that it is about.
+Error with_flag(const std::string& message)
+{
+    const std::size_t end = message.find(": ");
+    if (!message.starts_with("-") || end == std::string::npos || message.find(' ') < end)
+        return Error(Fault::Usage, message);
+    return wrong_flag(message.substr(0, end), message.substr(end + 2));
+}
+
+/// The words of a command line in their order.
+std::string joined(const std::vector<std::string>& words)
+{
+    std::string text;
+    for (const std::string& word : words)
+        text += (text.empty() ? "" : " ") + word;
+    return text;
+}
+
+/// Of what follows a flag whose value has blanks and was given without quotes.
+std::string quote_hint(const std::vector<std::string>& words, const std::string& extra)
+{
+    constexpr std::array<std::string_view, 3> kWithBlanks = {"--fix", "--handle",
+                                                             "--move"};
+    const auto flag = std::find_if(
+        std::make_reverse_iterator(std::find(words.begin(), words.end(), extra)),
+        words.rend(), [](const std::string& word) { return word.starts_with("--"); });
+    if (flag == words.rend() ||
+        std::find(kWithBlanks.begin(), kWithBlanks.end(), *flag) == kWithBlanks.end())
+        return "";
+    const auto first = flag.base();
+    const auto last =
+        std::find_if(first, words.end(),
+                     [](const std::string& word)
+                     { return word.starts_with('-') && !parse_double(word); });
+    return fmt::format(" (quote what {} takes: {} '{}')", *flag, *flag,
+                       joined({first, last}));
+}
+
+/// What was not expected, in the order in which it was given.
+std::string extras_text(const CLI::App& app, const std::vector<std::string>& words)
+{
+    const std::vector<std::string> extras = app.remaining(true);
+    std::string near;
+    for (const std::string& extra : extras)
+        near += near_argument(app, extra);
+    if (near.empty() && !extras.empty())
+        near = quote_hint(words, extras.front());
+    return (extras.size() == 1 ? "The following argument was not expected: "
+                               : "The following arguments were not expected: ") +
+           joined(extras) + near;
+}
+
+/// "help deform" is "deform --help".
+std::vector<std::string> with_help_as_flag(std::vector<std::string> words)
+{
+    if (!words.empty() && words[0] == "help")
+    {
+        words.erase(words.begin());
+        words.push_back("--help");
+    }
+    return words;
+}
+
+/// What the parser found wrong, in words of this program.
+Error usage_error(const CLI::App& app, const std::vector<std::string>& words,
+                  const CLI::ParseError& error)
+{
+    const std::string message = error.what();
+    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError))
+        return Error(Fault::Usage, extras_text(app, words));
+    if (const std::string number = wrong_number(app, message); !number.empty())
+        return with_flag(number);
+    // "--output: 1 required TEXT missing"
+    constexpr std::string_view kRequired = ": 1 required ", kMissing = " missing";
+    if (const std::size_t at = message.find(kRequired);
+        at != std::string::npos && message.ends_with(kMissing))
+        return wrong_flag(
+            message.substr(0, at),
+            "needs a value (" +
+                message.substr(at + kRequired.size(),
+                               message.size() - at - kRequired.size() - kMissing.size()) +
+                ")");
+    return with_flag(message);
+}
+
+void print_help(CLI::App& app, const CLI::ParseError& error)
+{
+    std::ostringstream text;
+    app.exit(error, text, text);
+    write_file("-", text.str(), Overwrite::No);
+}
+
+int run(const std::vector<std::string>& words)
 {
     CLI::App app(
         "Bend any shape: fix one part, grab another, move it; the rest follows like "
@@ -119,8 +217,10 @@ int run(int argc, char** argv)
         "  cellwarp deform samples/bar.json -o bent.obj\n"
         "  cellwarp render bent.obj -o bent.png\n",
         "cellwarp");
-    app.set_version_flag("--version", "cellwarp " CELLWARP_VERSION);
+    app.formatter(help_formatter());
+    app.set_version_flag("-V,--version", "cellwarp " CELLWARP_VERSION);
     app.require_subcommand(1);
+    app.footer("cellwarp help COMMAND tells more about one.");
     CommonFlags common;
     int exit_code = 0;
     std::optional<ThreadLimit> limit;
@@ -128,7 +228,7 @@ int run(int argc, char** argv)
     app.add_option("--threads", common.threads,
                    "threads, 0: all; the result is the same for every number")
         ->check(CLI::Range(0, 4096));
-    app.add_flag("--quiet", common.is_quiet, "no warnings, no progress");
+    app.add_flag("-q,--quiet", common.is_quiet, "no warnings, no progress");
     app.add_flag("--json", common.is_json, "one JSON object on stdout");
     app.add_flag("--overwrite", common.overwrites, "replace an existing output");
     app.parse_complete_callback([&] { limit.emplace(common.threads); });
@@ -144,45 +244,81 @@ int run(int argc, char** argv)
             command->get_footer() +
             "Flags of all commands: --json, --overwrite, --quiet and --threads N "
             "(cellwarp --help).");
-    if (argc > 1 && argv[1][0] != '-' && !has_subcommand(app, argv[1]))
-        throw Error(Fault::Usage, "unknown command " + in_quotes(argv[1]) +
-                                      near_command(app, argv[1]) +
+    if (words.empty())
+    {
+        say(app.help());
+        return static_cast<int>(Fault::Usage);
+    }
+    if (!words[0].starts_with('-') && !has_subcommand(app, words[0]))
+        throw Error(Fault::Usage, "unknown command " + in_quotes(words[0]) +
+                                      near_command(app, words[0]) +
                                       "; cellwarp --help lists the commands");
     try
     {
-        app.parse(argc, argv);
+        app.parse(std::vector<std::string>(words.rbegin(), words.rend()));
     }
     catch (const CLI::ParseError& error)
     {
         if (error.get_exit_code() == 0)
         {
-            std::ostringstream text;
-            app.exit(error, text, text);
-            write_file("-", text.str(), Overwrite::No);
+            print_help(app, error);
             return 0;
         }
-        const std::string number = wrong_number(app, error.what());
-        std::string near;
-        if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError))
-            for (const std::string& given : app.remaining(true))
-                near += near_argument(app, given);
-        say(fmt::format("error: {}{}\n", number.empty() ? error.what() : number, near));
-        return static_cast<int>(Fault::Usage);
+        throw usage_error(app, words, error);
     }
     return exit_code;
+}
+
+/// With --json an error is an object on stdout, unless something is there already. That
+/// it cannot be written there is no other error.
+void print_error(const Json& error)
+{
+    if (has_written_to_stdout())
+        return;
+    try
+    {
+        write_file("-", json_text({{"error", error}}), Overwrite::Yes);
+    }
+    catch (const Error&)
+    {
+    }
+}
+
+int tell(const Error& error, bool is_json)
+{
+    say(fmt::format("error: {}\n", error.what()));
+    if (is_json)
+        print_error(error_json(error));
+    return static_cast<int>(error.fault());
+}
+
+int tell_of_bug(const std::string& what, bool is_json)
+{
+    const std::string message = "internal error: " + what;
+    say(fmt::format("error: {}\n", message));
+    if (is_json)
+        print_error({{"fault", "internal"},
+                     {"file", nullptr},
+                     {"line", nullptr},
+                     {"field", nullptr},
+                     {"message", message}});
+    return 1;
 }
 
 /// Errors as messages and exit codes; what lacks memory for that, too, comes out.
 int run_and_tell(int argc, char** argv)
 {
+    const std::vector<std::string> words = with_help_as_flag(
+        std::vector<std::string>(argv + std::min(argc, 1), argv + argc));
+    const auto end = std::find(words.begin(), words.end(), "--");
+    const bool is_json = std::find(words.begin(), end, "--json") != end;
     try
     {
-        return run(argc, argv);
+        return run(words);
     }
     catch (const Error& error)
     {
-        say(fmt::format("error: {}\n", error.what()));
-        return static_cast<int>(error.fault());
+        return tell(error, is_json);
     }
     catch (const std::bad_alloc&)
     {
@@ -190,17 +326,15 @@ int run_and_tell(int argc, char** argv)
     }
     catch (const std::system_error& error)
     {
-        const bool has_no_threads =
-            error.code() == std::errc::resource_unavailable_try_again;
-        say(fmt::format(
-            "error: {}{}\n",
-            has_no_threads ? "no more threads: " : "internal error: ", error.what()));
-        return has_no_threads ? static_cast<int>(Fault::Budget) : 1;
+        if (error.code() == std::errc::resource_unavailable_try_again)
+            return tell(
+                Error(Fault::Budget, std::string("no more threads: ") + error.what()),
+                is_json);
+        return tell_of_bug(error.what(), is_json);
     }
     catch (const std::exception& error)
     {
-        say(fmt::format("error: internal error: {}\n", error.what()));
-        return 1;
+        return tell_of_bug(error.what(), is_json);
     }
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -143,6 +144,28 @@ TEST(SceneFile, what_is_wrong_is_told_with_its_line)
         contains(refused(head + "\"cells\": 0,\n\"c\\u0065lls\": {\n\"gap\": {}}}"),
                  "s.json:6: cells.gap: got "));
     EXPECT_TRUE(contains(refused(head + "  \"field\": [\n1]}"), "s.json:4: field: need"));
+}
+
+TEST(SceneFile, a_key_that_stands_twice_is_refused_with_its_line)
+{
+    const support::Folder folder;
+    const auto said = [&](const std::string& text)
+    {
+        return support::error_of(Fault::Malformed,
+                                 [&] { read_scene(folder.write("s.json", text)); });
+    };
+    EXPECT_TRUE(support::contains(
+        said("{\"cellwarp\": 1, \"model\": \"a.obj\",\n\"cells\": {\"across\": 8,\n"
+             "\"across\": 9}}"),
+        "cells.across: stands twice in its object"));
+    EXPECT_TRUE(support::contains(
+        said(
+            R"({"cellwarp": 1, "rods": [{"name": "a"}, {"name": "b", "x": 1, "x": 1}]})"),
+        "rods[1].x: stands twice"));
+    // The same key of two objects is no such thing.
+    read_scene(folder.write(
+        "t.json", R"({"cellwarp": 1, "model": "a.obj", "note": [{"a": 1}, {"a": 1}],
+                      "more": {"note": {"a": [1, 2]}}})"));
 }
 
 } // namespace cellwarp

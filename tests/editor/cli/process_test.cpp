@@ -67,7 +67,8 @@ TEST(Process, a_full_stdout_is_a_file_error)
 TEST(Process, an_interrupt_ends_at_once_and_leaves_nothing)
 {
     const BarFiles files;
-    for (const auto& [signal, code] : {std::pair(SIGINT, 130), {SIGTERM, 143}})
+    for (const auto& [signal, code] :
+         {std::pair(SIGINT, 130), {SIGTERM, 143}, {SIGHUP, 129}})
     {
         const pid_t child = support::start(files.deform_arguments({}, "64"));
         support::wait_until_caught(child, signal);
@@ -157,6 +158,62 @@ TEST(Process, a_reader_that_goes_away_is_an_error_and_no_signal)
     // The report is one of the outputs: without a reader there is none of them.
     EXPECT_EQ(files.deform({"--json"}, into_broken_pipe).code, 4);
     EXPECT_FALSE(std::filesystem::exists(files.out));
+}
+
+TEST(Process, a_run_whose_second_output_fails_leaves_no_first_one)
+{
+    const BarFiles files;
+    const std::string field = files.folder / "bar.cwf", scene = files.folder / "s.json",
+                      picture = files.folder / "out.png", bones = files.folder / "b.tgf";
+    ASSERT_EQ(files.deform({"--save-field", field}).code, 0);
+    const auto bytes = std::filesystem::file_size(files.out),
+               field_bytes = std::filesystem::file_size(field);
+    ASSERT_GT(field_bytes, bytes);
+    std::filesystem::remove(files.out);
+    const std::string other = files.folder / "other.cwf";
+    const std::size_t before = num_files(files.folder);
+    const auto on_small_disk = [&]
+    { limit(RLIMIT_FSIZE, bytes + (field_bytes - bytes) / 2); };
+    Result result = files.deform({"--save-field", other}, on_small_disk);
+    EXPECT_EQ(result.code, 4);
+    EXPECT_TRUE(contains(result.err, "other.cwf: cannot write"));
+    EXPECT_EQ(num_files(files.folder), before);
+    // What is told on stdout is an output, too.
+    const auto into_full = [] { ::dup2(::open("/dev/full", O_WRONLY), 1); };
+    for (const std::vector<std::string>& arguments :
+         std::vector<std::vector<std::string>>{
+             files.deform_arguments({"--json"}),
+             {"apply", field, files.model, "-o", files.out, "--json"},
+             {"render", files.model, "-o", picture, "--size", "40x40", "--json"},
+             {"skeleton", files.model, "-o", bones, "--json"}})
+    {
+        result = run(arguments, into_full);
+        if (result.code == 2)
+            continue; // a build without this command
+        EXPECT_EQ(result.code, 4) << arguments[0] << result.err;
+        EXPECT_TRUE(contains(result.err, "stdout: cannot write")) << arguments[0];
+        EXPECT_EQ(num_files(files.folder), before) << arguments[0];
+    }
+    files.folder.write("out.obj", "old");
+    EXPECT_EQ(files.deform({"--json", "--overwrite"}, into_full).code, 4);
+    EXPECT_EQ(bytes_of(files.out), "old");
+}
+
+TEST(Process, a_hangup_that_the_shell_ignores_stays_ignored)
+{
+    const BarFiles files;
+    const Result result = files.deform({},
+                                       []
+                                       {
+                                           ::signal(SIGHUP, SIG_IGN);
+                                           if (::fork() == 0)
+                                           {
+                                               ::usleep(150000);
+                                               ::kill(::getppid(), SIGHUP);
+                                               ::_exit(0);
+                                           }
+                                       });
+    EXPECT_EQ(result.code, 0) << result.err;
 }
 
 TEST(Process, only_regular_files_are_read)
