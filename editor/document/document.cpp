@@ -2,6 +2,7 @@
 #include "editor/document/document.h"
 
 #include <filesystem>
+#include <functional>
 
 #include "editor/document/document_state.h"
 #include "editor/session/scene_script.h"
@@ -53,7 +54,37 @@ void remove_closed(const std::string& journal)
     }
 }
 
+/// Tells one content of a file from another.
+std::string mark_of(std::string_view bytes)
+{
+    return std::to_string(bytes.size()) + "-" +
+           std::to_string(std::hash<std::string_view>()(bytes));
+}
+
+/// Nothing where there is no file that can be read.
+std::optional<std::string> mark_of_file(const std::string& path)
+{
+    try
+    {
+        return mark_of(read_file(path));
+    }
+    catch (const Error&)
+    {
+        return std::nullopt;
+    }
+}
+
 } // namespace
+
+void Document::State::check_unchanged(const std::string& file) const
+{
+    const std::optional<std::string> now = mark_of_file(file);
+    const auto known = marks.find(file);
+    if (now && (known == marks.end() || known->second != *now))
+        throw ChangedOnDisk(
+            Fault::File, at({file, 0, ""}, "is not as it was read or saved last: another "
+                                           "program has changed it"));
+}
 
 JournalHeader Document::State::header() const
 {
@@ -126,6 +157,14 @@ bool Document::State::is_of_this_model(const JournalHeader& header) const
            header.model_checksum == checksum_of(model->bytes);
 }
 
+bool Document::State::is_of_these_files(const JournalHeader& header) const
+{
+    HandleFile handles = parse_handles(header.handles_path, header.handles);
+    handles.path = edited.handles.path;
+    return parse_scene(header.document, header.scene).settings == edited.settings &&
+           handle_text(handles) == handle_text(edited.handles);
+}
+
 bool Document::State::go_on_with(Left kept)
 {
     const JournalHeader header = parse_header(kept.contents.header, journal);
@@ -188,7 +227,12 @@ Document::Document(const std::string& path, const std::string& journal_folder)
     s.edited.handles.stages.resize(1);
     if (extension_of(path) == "json")
     {
+        // Before it is read: what changes in between is noticed as a change.
+        if (const auto mark = mark_of_file(path))
+            s.marks[path] = *mark;
         s.scene = read_scene(path);
+        if (const auto mark = mark_of_file(s.scene.handles))
+            s.marks[s.scene.handles] = *mark;
         s.scene_path = path;
         s.warnings = s.scene.warnings;
         if (!s.scene.has_carriers && !s.scene.time) // else it can be played
@@ -201,8 +245,12 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         s.scene.skeleton.reset(); // its joints and keys are statements now
         if (const auto parted = parted_save(s.scene, s.edited.handles))
             s.warnings.push_back(*parted);
+        const std::optional<std::string> save = s.scene.save;
         s.scene.save.reset(); // what is edited is of none
         s.edited.handles.save.reset();
+        s.is_intact_save =
+            save &&
+            *save == save_fingerprint(scene_text(s.scene), handle_text(s.edited.handles));
     }
     else
     {
@@ -244,6 +292,9 @@ std::vector<std::string> Document::recover()
                                std::to_string(checksum_of(s.model->bytes)) + " now)");
         History edits(std::move(left.journal), left.contents);
         Edited now = s.replayed(header, edits);
+        // The edits are of other files than those that are there: save() asks.
+        if (!s.is_intact_save && !s.is_of_these_files(header))
+            s.marks.clear();
         s.take(std::move(now), std::move(edits));
     }
     catch (const Error& error)
@@ -515,8 +566,12 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
         scene.handles = scene_path.substr(0, scene_path.size() - 5) + ".handles";
     HandleFile handles = s.edited.handles;
     handles.path = scene.handles;
-    if (is_own)
+    if (is_own && overwrite == Overwrite::No)
+    {
+        s.check_unchanged(scene.path);
+        s.check_unchanged(scene.handles);
         overwrite = Overwrite::Yes;
+    }
     SceneFile saved_scene = scene;
     saved_scene.save = save_fingerprint(scene_text(scene), handle_text(handles));
     handles.save = {*saved_scene.save,
@@ -539,6 +594,8 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
         s.history.move_journal(journal);
         s.journal = journal;
     }
+    s.marks = {{scene.path, mark_of(scene_bytes)},
+               {scene.handles, mark_of(handle_bytes)}};
     s.scene_path = scene_path;
     s.scene = scene;
     s.edited.handles.path = scene.handles;

@@ -19,12 +19,20 @@
 #include "editor/document/selection.h"
 #include "editor/session/work_frame.h"
 #include "io/bytes.h"
+#include "io/error.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 #include "io/scene_file.h"
 
 namespace cellwarp
 {
+
+/// Thrown instead of overwriting what another program has written.
+class ChangedOnDisk : public Error
+{
+public:
+    using Error::Error;
+};
 
 class Document
 {
@@ -133,7 +141,9 @@ public:
     const std::string& last_view() const;
     bool is_saved() const; ///< since the last change that a file would hold
     /// Writes scene and handle file, NAME.json and NAME.handles beside it; what they hold
-    /// replays to the same result. Its own scene is replaced in any case. Throws Error.
+    /// replays to the same result. Its own scene is replaced without Overwrite::Yes, too,
+    /// but where that or its handle file is not as it was read or saved last:
+    /// ChangedOnDisk then. Throws Error.
     void save(const std::string& scene_path, Overwrite overwrite = Overwrite::No);
     /// Ends the journal: nothing is left to recover. What was saved is kept in it, with a
     /// word of the caller's: who opens the same again can go on to undo, and to redo what

@@ -64,6 +64,10 @@ struct Document::State
     std::string journal_folder;
     std::string journal; ///< its path; empty: none
     std::optional<std::uint32_t> saved_content = 0;
+    /// Of the scene and its handle file: mark_of() what was read or saved last, by path.
+    std::map<std::string, std::string> marks;
+    bool is_intact_save =
+        false; ///< the files were written by save(), when they were read
 
     // Derived.
     std::vector<EditedRegion> regions;
@@ -345,6 +349,10 @@ struct Document::State
     Edited replayed(const JournalHeader& header, const History& edits) const;
     void take(Edited now, History edits);
     bool is_of_this_model(const JournalHeader& header) const;
+    /// Whether edits on top of the header's files say what was edited on these.
+    bool is_of_these_files(const JournalHeader& header) const;
+    /// Throws ChangedOnDisk unless a file is as it was read or saved last, or is gone.
+    void check_unchanged(const std::string& file) const;
     /// Goes on with the journal of a document that was saved, if that is what the files
     /// say.
     bool go_on_with(Left kept);

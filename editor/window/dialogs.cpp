@@ -275,7 +275,7 @@ namespace
 
 void ask_about_changes(EditorApp& app)
 {
-    if (app.leaving == Leaving::No || app.choosing)
+    if (app.leaving == Leaving::No || app.choosing || !app.asks_to_overwrite.empty())
         return;
     constexpr const char* kTitle = "Unsaved changes##leave";
     if (!ImGui::IsPopupOpen(kTitle))
@@ -306,6 +306,37 @@ void ask_about_changes(EditorApp& app)
         done();
         app.stay();
     }
+    ImGui::EndPopup();
+}
+
+void ask_to_overwrite(EditorApp& app)
+{
+    if (app.asks_to_overwrite.empty() || app.opened() == nullptr)
+        return;
+    constexpr const char* kTitle = "Changed by another program##overwrite";
+    if (!ImGui::IsPopupOpen(kTitle))
+        ImGui::OpenPopup(kTitle);
+    centre_next_window(letters(62));
+    if (!ImGui::BeginPopupModal(kTitle, nullptr, kModal))
+        return;
+    ImGui::TextWrapped("%s.", app.asks_to_overwrite.c_str());
+    faint_text("Overwriting it loses those changes.");
+    ImGui::Dummy({0, letters(0.8f)});
+    const ImVec2 size = {letters(14), 0};
+    const auto answer = [&](void (EditorApp::*done)())
+    {
+        ImGui::CloseCurrentPopup();
+        (app.*done)();
+    };
+    if (ImGui::Button("Overwrite", size))
+        answer(&EditorApp::overwrite);
+    ImGui::SameLine();
+    if (ImGui::Button("Save as", size))
+        answer(&EditorApp::save_elsewhere);
+    ImGui::SameLine();
+    if (ImGui::Button("Cancel", size) ||
+        ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
+        answer(&EditorApp::keep_changes_of_others);
     ImGui::EndPopup();
 }
 
@@ -350,6 +381,7 @@ void ask_to_recover(EditorApp& app)
 
 void show_questions(EditorApp& app)
 {
+    ask_to_overwrite(app);
     ask_about_changes(app);
     ask_to_recover(app);
 }

@@ -76,7 +76,7 @@ bool Editor::panels_have(const InputEvent& event) const
     const bool has_popup = ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId |
                                                       ImGuiPopupFlags_AnyPopupLevel);
     if (has_popup || app_.choosing || app_.leaving != Leaving::No ||
-        app_.asks_to_recover || app_.shows_keys)
+        app_.asks_to_recover || !app_.asks_to_overwrite.empty() || app_.shows_keys)
         return true;
     if (is_pointer(event) || event.kind == InputEvent::Kind::Wheel)
         return false; // told by the place

@@ -6,6 +6,7 @@
 #include <exception>
 #include <filesystem>
 #include <new>
+#include <utility>
 
 #include "editor/window/film_source.h"
 #include "io/error.h"
@@ -93,6 +94,7 @@ void EditorApp::close()
     opened_.reset();
     is_exporting_ = false;
     asks_to_recover = false;
+    asks_to_overwrite.clear();
 }
 
 void EditorApp::ask_to_open(const std::string& path)
@@ -123,8 +125,8 @@ void EditorApp::leave(bool saves)
     {
         leaves_when_saved = true;
         save();
-        if (choosing)
-            return; // save() has to ask where to first
+        if (choosing || !asks_to_overwrite.empty())
+            return; // save() has to ask first
         leaves_when_saved = false;
         if (!document().is_saved())
         {
@@ -256,8 +258,44 @@ void EditorApp::save()
         choosing = Choosing::SaveAs;
         return;
     }
-    if (attempt(Place::Window, [&] { document().save(document().scene_path()); }))
+    const auto save_or_ask = [&]
+    {
+        try
+        {
+            document().save(document().scene_path());
+        }
+        catch (const ChangedOnDisk& error)
+        {
+            asks_to_overwrite = error.what();
+        }
+    };
+    if (attempt(Place::Window, save_or_ask) && asks_to_overwrite.empty())
         say(Place::Window, "Saved " + name_of(document().scene_path()));
+}
+
+void EditorApp::overwrite()
+{
+    asks_to_overwrite.clear();
+    const bool leaves = std::exchange(leaves_when_saved, false);
+    const std::string path = document().scene_path();
+    if (!attempt(Place::Window, [&] { document().save(path, Overwrite::Yes); }))
+        return stay(); // the notice says why
+    say(Place::Window, "Saved " + name_of(path));
+    if (leaves)
+        leave(false);
+}
+
+void EditorApp::save_elsewhere()
+{
+    asks_to_overwrite.clear();
+    choosing = Choosing::SaveAs;
+}
+
+void EditorApp::keep_changes_of_others()
+{
+    asks_to_overwrite.clear();
+    leaves_when_saved = false;
+    stay();
 }
 
 bool EditorApp::takes_edits() const

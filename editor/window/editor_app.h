@@ -124,7 +124,11 @@ public:
     void say(Place place, const std::string& text, bool is_error = false);
     const Notice* notice(Place place) const; ///< null: none
 
-    void save(); ///< or asks where to
+    void save(); ///< or asks where to, or whether to overwrite another program's changes
+    /// The answers to that: overwrite, save under another name, neither.
+    void overwrite();
+    void save_elsewhere();
+    void keep_changes_of_others();
     /// Begins to write the document's field; its end becomes a notice. Throws Error.
     void export_field(const std::string& path, Overwrite overwrite);
     /// Plays the scene in time, from its start; or goes back to what is edited.
@@ -147,6 +151,7 @@ public:
     Leaving leaving = Leaving::No;
     std::string next_path;
     bool asks_to_recover = false;
+    std::string asks_to_overwrite; ///< what another program has changed; empty: nothing
     bool shows_keys = false;
     bool wants_to_quit = false;
     /// A file was saved by the question's answer: then go on with what waited.

@@ -562,6 +562,119 @@ TEST(Document, a_save_that_ended_between_its_two_files_is_noticed)
     EXPECT_TRUE(Document(path, "").warnings().empty());
 }
 
+TEST(Document, does_not_overwrite_unasked_what_another_program_has_written)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json",
+                      handles = bar.folder / "scene.handles";
+    {
+        Document first = bar.open();
+        hold_ends(first);
+        first.save(scene);
+        // Its own saves are no changes of another program.
+        first.move_region("head", shifted(1));
+        first.save(scene);
+    }
+    const std::string scene_bytes = support::bytes_of(scene),
+                      handle_bytes = support::bytes_of(handles);
+    const std::string more = handle_bytes + "frame 7\nmove head translate 0 0 3\n";
+    for (const auto& [file, theirs] :
+         {std::pair(handles, more), {scene, scene_bytes + "\n"}})
+    {
+        SCOPED_TRACE(file);
+        Document document(scene, "");
+        document.move_region("head", shifted(0.5));
+        write_file(file, theirs, Overwrite::Yes);
+        const auto said = [&]
+        {
+            try
+            {
+                document.save(scene);
+            }
+            catch (const ChangedOnDisk& error)
+            {
+                EXPECT_EQ(error.fault(), Fault::File);
+                EXPECT_EQ(error.file(), file);
+                return std::string(error.what());
+            }
+            return std::string();
+        };
+        EXPECT_TRUE(contains(said(), "another program has changed it"));
+        EXPECT_FALSE(document.is_saved());
+        EXPECT_EQ(support::bytes_of(file), theirs);
+        // Another name is free, and the question stands.
+        document.save(bar.folder / "other.json", Overwrite::Yes);
+        EXPECT_EQ(support::bytes_of(file), theirs);
+        Document again(scene, "");
+        again.move_region("head", shifted(0.25));
+        again.save(scene); // it has read what is there
+        write_file(file, theirs, Overwrite::Yes);
+        again.move_region("head", shifted(0.125));
+        EXPECT_THROW(again.save(scene), ChangedOnDisk);
+        again.save(scene, Overwrite::Yes);
+        again.save(scene);
+        EXPECT_TRUE(again.is_saved());
+        // The same bytes again, or no file, are nothing that could be lost.
+        write_file(file, support::bytes_of(file), Overwrite::Yes);
+        again.save(scene);
+        std::filesystem::remove(file);
+        again.save(scene);
+        write_file(scene, scene_bytes, Overwrite::Yes);
+        write_file(handles, handle_bytes, Overwrite::Yes);
+    }
+}
+
+TEST(Document, a_handle_file_that_it_has_not_read_is_not_overwritten_unasked)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json";
+    write_file(scene, R"({"cellwarp": 1, "model": "bar.obj"})", Overwrite::No);
+    write_file(bar.folder / "scene.handles", "cellwarp-handles 1\n", Overwrite::No);
+    Document document(scene, "");
+    hold_ends(document);
+    EXPECT_THROW(document.save(scene), ChangedOnDisk);
+    document.save(scene, Overwrite::Yes);
+    document.save(scene);
+}
+
+TEST(Document, edits_that_were_recovered_onto_other_files_are_not_saved_unasked)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json",
+                      handles = bar.folder / "scene.handles",
+                      journals = bar.folder / "journals";
+    std::filesystem::create_directory(journals);
+    {
+        Document first = bar.open();
+        hold_ends(first);
+        first.save(scene);
+    }
+    const auto crash = [&](bool saves)
+    {
+        Document document(scene, journals);
+        document.move_region("head", shifted(0.5));
+        if (saves)
+            document.save(scene, Overwrite::Yes);
+        document.move_region("head", shifted(0.25));
+    };
+    crash(true);
+    {
+        Document document(scene, journals);
+        ASSERT_GT(document.num_recoverable(), 0u);
+        document.recover();
+        document.save(scene); // its own save is there
+        document.close();
+    }
+    crash(false);
+    write_file(handles,
+               support::bytes_of(handles) + "frame 70\nmove head translate 0 0 3\n",
+               Overwrite::Yes);
+    Document document(scene, journals);
+    ASSERT_GT(document.num_recoverable(), 0u);
+    document.recover();
+    EXPECT_THROW(document.save(scene), ChangedOnDisk);
+}
+
 TEST(Document, keeps_what_it_does_not_know_in_a_scene)
 {
     const Bar bar;

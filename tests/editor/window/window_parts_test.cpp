@@ -199,6 +199,54 @@ TEST(EditorApp, solves_on_when_a_label_file_has_gone)
     EXPECT_EQ(app.notice(Place::Window), nullptr);
 }
 
+TEST(EditorApp, asks_before_it_overwrites_what_another_program_has_written)
+{
+    const Folder folder;
+    folder.write("bar.obj",
+                 support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 4)));
+    const std::string scene =
+        folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj"})");
+    EditorApp app(false);
+    app.open(scene);
+    app.finish_opening();
+    const auto edit = [&](double z)
+    {
+        Selection selection(app.document().selection().num_samples());
+        selection.add(static_cast<std::size_t>(z));
+        app.document().select(selection, "Select");
+        app.document().add_region(Role::Handle);
+    };
+    const auto theirs = [&](const std::string& note)
+    {
+        return folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj", "note": ")" +
+                                          note + "\"}");
+    };
+    edit(1);
+    theirs("one");
+    app.save();
+    EXPECT_TRUE(
+        support::contains(app.asks_to_overwrite, "another program has changed it"));
+    EXPECT_FALSE(app.document().is_saved());
+    app.keep_changes_of_others();
+    EXPECT_TRUE(app.asks_to_overwrite.empty());
+    EXPECT_TRUE(support::contains(support::bytes_of(scene), "one"));
+    // Under another name.
+    app.save();
+    app.save_elsewhere();
+    EXPECT_TRUE(app.asks_to_overwrite.empty());
+    EXPECT_EQ(app.choosing, Choosing::SaveAs);
+    app.choosing.reset();
+    // Over it, when the program is about to end: first the question, then the end.
+    app.ask_to_quit();
+    EXPECT_EQ(app.leaving, Leaving::ToQuit);
+    app.leave(true);
+    EXPECT_FALSE(app.asks_to_overwrite.empty());
+    EXPECT_FALSE(app.wants_to_quit);
+    app.overwrite();
+    EXPECT_FALSE(support::contains(support::bytes_of(scene), "one"));
+    EXPECT_TRUE(app.wants_to_quit);
+}
+
 TEST(EditorApp, tells_when_a_field_is_written)
 {
     const Folder folder;
