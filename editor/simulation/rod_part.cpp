@@ -245,9 +245,8 @@ int RodPart::add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
     slide.leaves = of.leaves;
     slide.sticks = of.friction[0];
     slide.slips = of.friction[1];
-    slide.held = held;
     const double start =
-        of.start ? unwrapped(*of.start) : nearest_parameter(slide, state, point);
+        of.start ? unwrapped(*of.start) : nearest_parameter(slide, state, point, held);
     const BasisValues values = sliding_values(rod.basis(), start);
     constexpr double kFar = 0.25, kNear = 0.01; // of the length
     const double off = (held * (state.at(values).place - point)).norm(),
@@ -365,29 +364,82 @@ double RodPart::length(const Piece& piece) const
 
 void RodPart::hold_at(double time, double share)
 {
+    model.stop_leading();
     for (const Held& held : held_)
     {
         const Motion motion = motion_at(*held.keys, time, held.place, share);
-        for (std::size_t k = held.first; k < held.first + held.count; ++k)
+        bring(held, motion(held.place), motion.R, Eigen::Vector3d::Zero(),
+              Eigen::Vector3d::Zero());
+    }
+}
+
+void RodPart::lead(const KeyTime& from, const KeyTime& to)
+{
+    struct Way
+    {
+        const Held* held;
+        Motion begin;
+        Eigen::Vector3d place, way, turn; ///< axis times angle [rad]
+    };
+    std::vector<Way> ways;
+    for (const Held& held : held_)
+    {
+        if (held.keys->empty())
+            continue;
+        const Motion begin = motion_at(*held.keys, from.time, held.place, from.share),
+                     end = motion_at(*held.keys, to.time, held.place, to.share);
+        const Eigen::Vector3d place = begin(held.place);
+        ways.push_back({&held, begin, place, end(held.place) - place,
+                        rotation_vector(end.R * begin.R.transpose())});
+    }
+    if (ways.empty())
+        return;
+    const double duration = to.time - from.time;
+    model.lead(
+        [this, ways = std::move(ways), duration](double share)
         {
-            RodConstraint& constraint = model.constraints[k];
-            constraint.point = motion(held.place);
-            switch (constraint.hold)
+            for (const Way& one : ways)
             {
-            case HoldKind::Tangent:
-            case HoldKind::Plane:
-            case HoldKind::Axis:
-                constraint.direction = motion.R * held.frame.col(2);
-                break;
-            case HoldKind::TwistAngle:
-                constraint.direction = motion.R * held.frame.col(0);
-                break;
-            case HoldKind::CurvatureVector:
-                constraint.direction = motion.R * held.curvature;
-                break;
-            default:
-                break;
+                const double angle = one.turn.norm();
+                const Eigen::Matrix3d R =
+                    angle > 0.0 ? Eigen::Matrix3d(
+                                      rotation_about(one.turn / angle, share * angle) *
+                                      one.begin.R)
+                                : one.begin.R;
+                bring(*one.held, one.place + share * one.way, R, one.way / duration,
+                      one.turn / duration);
             }
+        },
+        duration);
+}
+
+/// Sets the constraints of a hold to a place [m] and a turn from rest, and how they move
+/// [m/s], [rad/s].
+void RodPart::bring(const Held& held, const Eigen::Vector3d& place,
+                    const Eigen::Matrix3d& R, const Eigen::Vector3d& speed,
+                    const Eigen::Vector3d& turning)
+{
+    for (std::size_t k = held.first; k < held.first + held.count; ++k)
+    {
+        RodConstraint& constraint = model.constraints[k];
+        constraint.point = place;
+        constraint.point_speed = speed;
+        constraint.turning = turning;
+        switch (constraint.hold)
+        {
+        case HoldKind::Tangent:
+        case HoldKind::Plane:
+        case HoldKind::Axis:
+            constraint.direction = R * held.frame.col(2);
+            break;
+        case HoldKind::TwistAngle:
+            constraint.direction = R * held.frame.col(0);
+            break;
+        case HoldKind::CurvatureVector:
+            constraint.direction = R * held.curvature;
+            break;
+        default:
+            break;
         }
     }
 }

@@ -53,8 +53,17 @@ public:
     /// Something of the world does.
     bool is_held() const { return !model.is_free() || has_springs_; }
 
-    /// Brings what keys hold to where it is at a time; \p share: of what they say.
+    /// Brings what keys hold to where it is at a time, at rest; \p share: of what they
+    /// say.
     void hold_at(double time, double share);
+    /// A moment of keys: a time [s], and the share of what they say.
+    struct KeyTime
+    {
+        double time = 0.0, share = 1.0;
+    };
+    /// In the next steps what keys hold goes evenly from one moment to the other, which
+    /// are less than half a turn apart.
+    void lead(const KeyTime& from, const KeyTime& to);
     /// How far keys turn between two times, at the most; and all of them from rest
     /// [degree].
     double turned(double begin, double end) const;
@@ -107,6 +116,8 @@ private:
         Eigen::Matrix3d frame;
         Eigen::Vector3d curvature;
     };
+    void bring(const Held& held, const Eigen::Vector3d& place, const Eigen::Matrix3d& R,
+               const Eigen::Vector3d& speed, const Eigen::Vector3d& turning);
     std::vector<Held> held_;
     /// The slide that the next one with `apart` stays apart from, and by how much.
     std::optional<std::pair<int, double>> last_apart_;

@@ -860,25 +860,27 @@ void Simulation::settle(Group& group)
 
 void Simulation::advance(Group& group, double begin, double dt)
 {
+    // In the first step all goes from rest to its first key.
+    const auto share_at = [&](double time) { return std::min(time / scene_.dt, 1.0); };
+    const double of_first = share_at(begin + dt) - share_at(begin);
     double largest = 0.0;
-    // From rest to the first key at once.
     for (const RodPart* const rod : group.rods)
-        largest = std::max(largest, rod->turned(begin, begin + dt) +
-                                        (begin == 0.0 ? rod->first_turn() : 0.0));
+        largest = std::max(largest,
+                           rod->turned(begin, begin + dt) + of_first * rod->first_turn());
     for (const Parts::Body* const body : group.bodies)
     {
         const std::vector<RodKey>& keys = body->statement->keys;
-        const double first =
-            begin == 0.0 && !keys.empty() ? std::abs(keys.front().rotate[3]) : 0.0;
-        largest = std::max(largest, turned(keys, begin, begin + dt) + first);
+        const double first = keys.empty() ? 0.0 : std::abs(keys.front().rotate[3]);
+        largest = std::max(largest, turned(keys, begin, begin + dt) + of_first * first);
     }
     const int parts = std::max(parts_of(largest), group.parts);
     for (int part = 1; part <= parts; ++part)
     {
-        const double share = static_cast<double>(part) / parts;
+        const double from = begin + dt * (part - 1) / parts,
+                     to = begin + dt * part / parts;
         for (RodPart* const rod : group.rods)
-            rod->hold_at(begin + share * dt, begin == 0.0 ? share : 1.0);
-        lead_bodies(group, begin + share * dt, begin == 0.0 ? share : 1.0, dt / parts);
+            rod->lead({from, share_at(from)}, {to, share_at(to)});
+        lead_bodies(group, to, share_at(to), dt / parts);
         RodPart* const rod = group.rods.empty() ? nullptr : group.rods.front();
         const StepReport report =
             group.alone ? group.alone->step(rod->state, rod->velocity, dt / parts)

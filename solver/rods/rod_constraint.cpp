@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+// Constraints that move: a point with the speed p', a direction d and the n across it
+// turn by w, n' = w x n. At a fixed state a row n . (P - p) changes by
+//   n' . (P - p) - n . p',
+// and along the motion of both, where all of it goes on evenly, its second derivative has
+//   2 n' . (P' - p') + (w x n') . (P - p)
+// beside that of the rod alone.
+//
 // Rows of frames. The material frame F = [m_1 m_2 t] turns by
 //   omega = (t x du) / l + t dphi
 // with u = P' and the spin dphi of elasticity.cpp, the chain of hops ending at s. Two
@@ -169,6 +176,16 @@ std::vector<ConstraintRow> frame_rows(const RodState& state, const HeldBasis& ba
     return rows;
 }
 
+/// Where a constraint is a time later [s].
+RodConstraint moved(const RodConstraint& c, double time)
+{
+    RodConstraint out = c;
+    out.point += time * c.point_speed;
+    if (const double angle = time * c.turning.norm(); angle != 0.0)
+        out.direction = rotation_about(c.turning.normalized(), angle) * c.direction;
+    return out;
+}
+
 /// Two unit vectors across \p n.
 std::array<Vector3d, 2> across(const Vector3d& n)
 {
@@ -247,40 +264,46 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
     const Sliding* const sliding = c.slide < 0 ? nullptr : &state.sliding[idx(c.slide)];
     if (sliding && sliding->mode == Sliding::Mode::Gone)
         return rows;
-    const auto linear = [&](int order, const Vector3d& n, double violation)
+    const auto linear = [&](int order, const Vector3d& n, double violation, double rate)
     {
         Form form(with_entries);
         form.add(state, values, order, n);
         if (sliding && sliding->is_free())
             form.add(state.rod().layout().num_unknowns + c.slide, n.dot(at.first));
         rows.push_back(form.row(violation));
+        rows.back().rate = rate;
     };
-    const auto vector = [&](int order, const Vector3d& violation)
+    const auto vector = [&](int order, const Vector3d& violation, const Vector3d& rate)
     {
         for (int k = 0; k < 3; ++k)
-            linear(order, Vector3d::Unit(k), violation[k]);
+            linear(order, Vector3d::Unit(k), violation[k], rate[k]);
+    };
+    const auto of_place = [&](const Vector3d& n)
+    {
+        const Vector3d off = at.place - c.point;
+        linear(0, n, n.dot(off), c.turning.cross(n).dot(off) - n.dot(c.point_speed));
     };
     switch (c.hold)
     {
     case HoldKind::Point:
-        vector(0, at.place - c.point);
+        vector(0, at.place - c.point, -c.point_speed);
         break;
     case HoldKind::Plane:
-        linear(0, c.direction, c.direction.dot(at.place - c.point));
+        of_place(c.direction);
         break;
     case HoldKind::Axis:
         for (const Vector3d& n : across(c.direction))
-            linear(0, n, n.dot(at.place - c.point));
+            of_place(n);
         break;
     case HoldKind::Tangent:
         for (const Vector3d& n : across(c.direction))
-            linear(1, n, n.dot(at.first));
+            linear(1, n, n.dot(at.first), c.turning.cross(n).dot(at.first));
         break;
     case HoldKind::TangentVector:
-        vector(1, at.first - c.direction);
+        vector(1, at.first - c.direction, -c.turning.cross(c.direction));
         break;
     case HoldKind::CurvatureVector:
-        vector(2, at.second - c.direction);
+        vector(2, at.second - c.direction, -c.turning.cross(c.direction));
         break;
     case HoldKind::GeometricCurvature:
     {
@@ -313,6 +336,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         // across t.
         form.add(state, values, 1, (t.dot(d) / (in_plane * l)) * t.cross(d));
         rows.push_back(form.row(-angle));
+        rows.back().rate = -t.cross(d).dot(c.turning.cross(d)) / in_plane;
         break;
     }
     case HoldKind::Frame:
@@ -321,7 +345,8 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
     {
         const Vector3d e = at.place - c.point;
         linear(0, e / c.distance,
-               (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance));
+               (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance),
+               -e.dot(c.point_speed) / c.distance);
         break;
     }
     case HoldKind::DistanceOfTwo:
@@ -355,41 +380,74 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
                                const Eigen::VectorXd& velocity)
 {
     std::vector<double> out(idx(num_rows(c.hold)), 0.0);
-    if (c.slide >= 0)
+    const Sliding* const sliding = c.slide < 0 ? nullptr : &state.sliding[idx(c.slide)];
+    if (sliding && sliding->mode == Sliding::Mode::Gone)
+        return {};
+    const auto speed_of = [&](const BasisValues& values, int order)
     {
-        const Sliding& now = state.sliding[idx(c.slide)];
-        if (now.mode == Sliding::Mode::Gone)
-            return {};
-        if (!now.is_free())
-            return out;
-        // Of n . P(s(t), t): 2 s' n . V' + s'^2 n . P'', V the speed of the curve.
-        const BasisValues values = sliding_values(state.rod().basis(), now.s);
-        Vector3d turning = Vector3d::Zero();
+        Vector3d sum = Vector3d::Zero();
         for (int j = 0; j < values.count; ++j)
-            turning += values.value[1][idx(j)] *
-                       velocity.segment<3>(
-                           state.rod().layout().control[idx(values.control[idx(j)])]);
-        const Vector3d whole =
-            2.0 * now.speed * turning + now.speed * now.speed * state.at(values).second;
-        const std::vector<Vector3d> n = held_directions(c);
-        for (std::size_t k = 0; k < out.size(); ++k)
-            out[k] = n[k].dot(whole);
-        return out;
-    }
+            sum += values.value[idx(order)][idx(j)] *
+                   velocity.segment<3>(
+                       state.rod().layout().control[idx(values.control[idx(j)])]);
+        return sum;
+    };
     switch (c.hold)
     {
     case HoldKind::Point:
     case HoldKind::Plane:
     case HoldKind::Axis:
+    {
+        if (!sliding && (c.hold == HoldKind::Point || c.turning.isZero(0.0)))
+            return out; // linear
+        const BasisValues values = sliding
+                                       ? sliding_values(state.rod().basis(), sliding->s)
+                                       : HeldBasis(c, state.rod().basis()).at;
+        const CurvePoint at = state.at(values);
+        // Of P(s(t), t): 2 s' V' + s'^2 P'', V the speed of the curve.
+        const double s_speed = sliding && sliding->is_free() ? sliding->speed : 0.0;
+        const Vector3d whole =
+            2.0 * s_speed * speed_of(values, 1) + s_speed * s_speed * at.second;
+        const Vector3d passing = speed_of(values, 0) + s_speed * at.first - c.point_speed;
+        const std::vector<Vector3d> n = held_directions(c);
+        for (std::size_t k = 0; k < out.size(); ++k)
+        {
+            const Vector3d turned = c.hold == HoldKind::Point
+                                        ? Vector3d(Vector3d::Zero())
+                                        : Vector3d(c.turning.cross(n[k]));
+            out[k] = n[k].dot(whole) + 2.0 * turned.dot(passing) +
+                     c.turning.cross(turned).dot(at.place - c.point);
+        }
+        return out;
+    }
     case HoldKind::Tangent:
+    {
+        if (c.turning.isZero(0.0))
+            return out;
+        const BasisValues values = state.rod().basis().values(c.s);
+        const std::array<Vector3d, 2> n = across(c.direction);
+        for (const std::size_t k : {0u, 1u})
+        {
+            const Vector3d turned = c.turning.cross(n[k]);
+            out[k] = 2.0 * turned.dot(speed_of(values, 1)) +
+                     c.turning.cross(turned).dot(state.at(values).first);
+        }
+        return out;
+    }
     case HoldKind::TangentVector:
     case HoldKind::CurvatureVector:
+        for (int k = 0; k < 3; ++k)
+            out[idx(k)] = -c.turning.cross(Vector3d(c.turning.cross(c.direction)))[k];
+        return out;
     case HoldKind::RelativePlace:
         return out; // linear
     default:
         break;
     }
-    const double speed = velocity.cwiseAbs().maxCoeff();
+    const double speed = std::max(
+        velocity.cwiseAbs().maxCoeff(),
+        std::max(c.point_speed.norm(),
+                 c.turning.norm() * std::min(1.0, state.rod().arc_length().total())));
     if (!(speed > 0.0))
         return out;
     // A step small beside the rod, but not so small that rounding shows.
@@ -398,14 +456,14 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
     ahead.move(velocity, step);
     behind.move(velocity, -step);
     const HeldBasis basis(c, state.rod().basis());
-    const std::vector<ConstraintRow> a = rows_of(c, ahead, basis),
-                                     b = rows_of(c, behind, basis);
+    const std::vector<ConstraintRow> a = rows_of(moved(c, step), ahead, basis),
+                                     b = rows_of(moved(c, -step), behind, basis);
     for (std::size_t k = 0; k < out.size(); ++k)
     {
-        // L' v: the change of L along v.
+        // L' v and its rate: the change of L v + g_t along v.
         const auto along = [&](const ConstraintRow& row)
         {
-            double sum = 0.0;
+            double sum = row.rate;
             for (const auto& [unknown, value] : row.entries)
                 sum += value * velocity[unknown];
             return sum;

@@ -38,6 +38,9 @@ struct RodConstraint
     Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
     Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
     double distance = 0.0; ///< [m]
+    /// How point [m/s] and direction [rad/s] move, of all kinds up to TwistAngle.
+    Eigen::Vector3d point_speed = Eigen::Vector3d::Zero();
+    Eigen::Vector3d turning = Eigen::Vector3d::Zero();
     /// The control point that a Point holds instead of a place of the curve; -1: none. Of
     /// rods whose knots do not change.
     int control = -1;
@@ -57,6 +60,7 @@ struct ConstraintRow
 {
     std::vector<std::pair<int, double>> entries; ///< (unknown, derivative), ascending
     double violation = 0.0;
+    double rate = 0.0; ///< of the violation, by what moves the constraint [1/s]
 };
 
 /// The basis where a constraint holds, kept from state to state.
@@ -78,7 +82,8 @@ struct HeldBasis
 std::vector<ConstraintRow> rows_of(const RodConstraint& constraint, const RodState& state,
                                    const HeldBasis& basis, bool with_entries = true);
 
-/// For each row the second derivative of its violation along \p velocity.
+/// For each row the second derivative of its violation by time, where the state moves
+/// evenly with \p velocity and the constraint as it does.
 std::vector<double> convective(const RodConstraint& constraint, const RodState& state,
                                const Eigen::VectorXd& velocity);
 

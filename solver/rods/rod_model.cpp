@@ -177,6 +177,43 @@ void RodModel::add_drags(double scale, BandMatrix& out) const
     }
 }
 
+void RodModel::lead(std::function<void(double share)> hold, double duration)
+{
+    hold_ = std::move(hold);
+    duration_ = duration;
+    lead_to(0.0);
+}
+
+void RodModel::stop_leading()
+{
+    hold_ = nullptr;
+    duration_ = time_led_ = 0.0;
+    for (RodConstraint& constraint : constraints)
+    {
+        constraint.point_speed.setZero();
+        constraint.turning.setZero();
+    }
+}
+
+void RodModel::lead_to(double time)
+{
+    if (!hold_)
+        return;
+    time_led_ = time;
+    hold_(std::min(time / duration_, 1.0));
+}
+
+bool RodModel::is_led() const
+{
+    constexpr double kOver = 1.0 - 1e-9; // of the duration
+    return hold_ && time_led_ < kOver * duration_ &&
+           std::any_of(constraints.begin(), constraints.end(),
+                       [](const RodConstraint& one) {
+                           return !one.point_speed.isZero(0.0) ||
+                                  !one.turning.isZero(0.0);
+                       });
+}
+
 /// Constraints may be changed from outside at any time.
 const HeldBasis& RodModel::held(std::size_t k) const
 {
@@ -203,7 +240,7 @@ std::vector<ConstraintRow> RodModel::rows_of_constraint(std::size_t k,
 RodModel::Rows RodModel::rows(const RodState& state) const
 {
     Rows out;
-    std::vector<double> violations;
+    std::vector<double> violations, rates;
     for (std::size_t k = 0; k < constraints.size(); ++k)
     {
         std::vector<ConstraintRow> rows = rows_of_constraint(k, state, true);
@@ -212,6 +249,7 @@ RodModel::Rows RodModel::rows(const RodState& state) const
         {
             out.rows.push_back(std::move(row.entries));
             violations.push_back(row.violation);
+            rates.push_back(row.rate);
         }
     }
     for (std::size_t k = 0; k < gaps.size(); ++k)
@@ -233,9 +271,12 @@ RodModel::Rows RodModel::rows(const RodState& state) const
         out.rows.push_back(std::move(row));
         out.groups.push_back(1);
         violations.push_back(room(state, gaps[k]));
+        rates.push_back(0.0);
     }
     out.violation = Eigen::Map<const Eigen::VectorXd>(
         violations.data(), static_cast<Eigen::Index>(violations.size()));
+    out.rate = Eigen::Map<const Eigen::VectorXd>(rates.data(),
+                                                 static_cast<Eigen::Index>(rates.size()));
     return out;
 }
 
@@ -316,10 +357,13 @@ double RodModel::sliding_energy(const RodState& state) const
     return sum;
 }
 
-std::vector<Eigen::Vector3d> RodModel::pressed(const RodState& state,
-                                               const Eigen::VectorXd& multipliers) const
+std::vector<SlidePress> RodModel::pressed(const RodState& state,
+                                          const Eigen::VectorXd& multipliers) const
 {
-    std::vector<Eigen::Vector3d> out(slides.size(), Eigen::Vector3d::Zero());
+    std::vector<SlidePress> out(slides.size());
+    for (const RodConstraint& constraint : constraints)
+        if (constraint.slide >= 0)
+            out[idx(constraint.slide)].held.setZero();
     Eigen::Index next = 0;
     for (const RodConstraint& constraint : constraints)
     {
@@ -327,8 +371,12 @@ std::vector<Eigen::Vector3d> RodModel::pressed(const RodState& state,
         if (constraint.slide >= 0 && count > 0)
         {
             const std::vector<Eigen::Vector3d> n = held_directions(constraint);
+            SlidePress& press = out[idx(constraint.slide)];
             for (int k = 0; k < count; ++k)
-                out[idx(constraint.slide)] += multipliers[next + k] * n[idx(k)];
+            {
+                press.force += multipliers[next + k] * n[idx(k)];
+                press.held += n[idx(k)] * n[idx(k)].transpose();
+            }
         }
         next += count;
     }

@@ -2,6 +2,7 @@
 // A rod with all that acts on it: energies, loads, constraints.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -92,12 +93,26 @@ public:
     /// out += scale * D
     void add_drags(double scale, BandMatrix& out) const;
 
-    /// Rows of all constraints, then of the gaps that are closed, the violations, and how
-    /// many rows each has.
+    /// \p hold sets points and directions of constraints, and their speeds, for a share
+    /// of the way that they go in the next \p duration [s], evenly; steps call it for
+    /// each moment that they look at. It is called for the begin at once. Steps beyond
+    /// the duration need another lead, or none.
+    void lead(std::function<void(double share)> hold, double duration);
+    /// Constraints stay where they are.
+    void stop_leading();
+    /// How much of duration is over [s]; without a lead 0.
+    double time_led() const { return time_led_; }
+    /// Brings constraints to where they are at a moment of duration [s].
+    void lead_to(double time);
+    /// Constraints move in the next step.
+    bool is_led() const;
+
+    /// Rows of all constraints, then of the gaps that are closed, the violations, how
+    /// fast these change by what moves constraints, and how many rows each has.
     struct Rows
     {
         std::vector<SparseRow> rows;
-        Eigen::VectorXd violation;
+        Eigen::VectorXd violation, rate;
         std::vector<int> groups;
     };
     Rows rows(const RodState& state) const;
@@ -110,8 +125,8 @@ public:
     /// What friction and inertia of sliding hold [J].
     double sliding_energy(const RodState& state) const;
     /// What the \p multipliers of rows() press each slide with [N].
-    std::vector<Eigen::Vector3d> pressed(const RodState& state,
-                                         const Eigen::VectorXd& multipliers) const;
+    std::vector<SlidePress> pressed(const RodState& state,
+                                    const Eigen::VectorXd& multipliers) const;
     /// Those of rows() alone.
     Eigen::VectorXd violations(const RodState& state) const;
 
@@ -126,6 +141,8 @@ private:
     RodMass mass_;
     int revision_ = 0;
     mutable std::vector<HeldBasis> held_; ///< of constraints that were asked for
+    std::function<void(double)> hold_;    ///< of a lead
+    double duration_ = 0.0, time_led_ = 0.0;
 };
 
 /// out += scale * L^T lambda

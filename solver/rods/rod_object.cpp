@@ -102,6 +102,10 @@ void RodObject::aim(RodState& state)
 void RodObject::start(double step)
 {
     step_ = is_midpoint_ ? 0.5 * step : step;
+    if (is_midpoint_)
+        hold_velocity();
+    time_led_ = model_.time_led();
+    model_.lead_to(time_led_ + step);
     pull_ = model_.viscosity / step_ + 1.0 / (step_ * step_);
     velocity_before_ = *velocity_;
     momentum_ = model_.mass().times(*velocity_) / step_;
@@ -146,18 +150,25 @@ void RodObject::finish()
     }
     *velocity_ = 2.0 * *velocity_ - velocity_before_;
     *state_ = end_of(*state_);
+    hold_velocity();
+}
+
+/// Brings the velocity onto the constraints, by the mass.
+void RodObject::hold_velocity()
+{
     if (model_.constraints.empty())
         return;
     const RodModel::Rows rows = model_.rows(*state_);
     if (!response_ || !response_->is_for(rows.rows))
         response_.emplace(model_, rows);
-    response_->project(*velocity_);
+    *velocity_ -= response_->change(response_->along(*velocity_) + rows.rate);
 }
 
 void RodObject::undo()
 {
     *state_ = *start_;
     *velocity_ = velocity_before_;
+    model_.lead_to(time_led_);
 }
 
 double RodObject::way() const
@@ -240,11 +251,11 @@ void RodObject::press(int place, const Vector3d& force)
         pressed_by_joints_[idx(slide)] += force;
 }
 
-std::vector<Vector3d> RodObject::pressed(const Eigen::VectorXd& lambda) const
+std::vector<SlidePress> RodObject::pressed(const Eigen::VectorXd& lambda) const
 {
-    std::vector<Vector3d> out = model_.pressed(*state_, lambda);
+    std::vector<SlidePress> out = model_.pressed(*state_, lambda);
     for (std::size_t k = 0; k < out.size(); ++k)
-        out[k] += pressed_by_joints_[k];
+        out[k].force += pressed_by_joints_[k];
     return out;
 }
 
@@ -340,11 +351,12 @@ std::vector<SingleUnknown> RodObject::sliding_unknowns(const Eigen::VectorXd& la
 {
     std::vector<SingleUnknown> out;
     added_.clear();
-    const std::vector<Vector3d> force = pressed(lambda);
+    const std::vector<SlidePress> press = pressed(lambda);
     for (std::size_t k = 0; k < model_.slides.size(); ++k)
     {
         const Sliding& now = state_->sliding[k];
-        SingleUnknown& one = out.emplace_back(sliding_unknown(*state_, now, force[k]));
+        SingleUnknown& one =
+            out.emplace_back(sliding_unknown(*state_, now, press[k].force));
         if (!now.is_free())
             continue;
         // As stiff as the control points that are near.
@@ -488,9 +500,9 @@ ArticulableObject::Again RodObject::again(const Eigen::VectorXd& lambda, bool is
     Again out = Again::No;
     if (model_.slides.empty())
         return out;
-    const std::vector<Vector3d> force = pressed(lambda);
+    const std::vector<SlidePress> press = pressed(lambda);
     for (std::size_t k = 0; k < model_.slides.size(); ++k)
-        out = std::max(out, check_slide(model_.slides[k], *state_, force[k], is_last,
+        out = std::max(out, check_slide(model_.slides[k], *state_, press[k], is_last,
                                         start_->sliding[k], state_->sliding[k]));
     // What closed gaps press apart with comes last.
     constexpr double kPassed = 1e-10; // of the size

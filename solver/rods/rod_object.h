@@ -82,7 +82,7 @@ public:
     void undo() override;
     double way() const override;
     Energy energy() const override;
-    bool is_driven() const override { return model_.has_couples(); }
+    bool is_driven() const override { return model_.has_couples() || model_.is_led(); }
     void rest() override { velocity_->setZero(); }
 
 private:
@@ -95,10 +95,11 @@ private:
     bool is_midpoint() const { return is_moving() && is_midpoint_; }
     void prepare();
     void size_up();
+    void hold_velocity();
     void add_touches();
     RodState end_of(const RodState& at) const;
     double parameter(int place, const RodState& at) const;
-    std::vector<Eigen::Vector3d> pressed(const Eigen::VectorXd& lambda) const;
+    std::vector<SlidePress> pressed(const Eigen::VectorXd& lambda) const;
     std::vector<SingleUnknown> sliding_unknowns(const Eigen::VectorXd& lambda);
 
     RodModel& model_;
@@ -113,7 +114,8 @@ private:
     RodState* state_ = nullptr;
     Eigen::VectorXd* velocity_ = nullptr;
     bool is_midpoint_ = false;
-    double step_ = 0.0; ///< 0: of an equilibrium; of the midpoint rule half [s]
+    double step_ = 0.0;     ///< 0: of an equilibrium; of the midpoint rule half [s]
+    double time_led_ = 0.0; ///< of the model at the begin [s]
     Eigen::VectorXd velocity_before_;
     std::optional<RodResponse> response_; ///< of the midpoint rule
     double pull_ = 0.0;                   ///< of the mass, in second derivatives [1/s^2]

@@ -31,8 +31,6 @@ public:
     Eigen::VectorXd change(const Eigen::VectorXd& wanted) const;
     /// The forces along the rows that make it: (L M^-1 L^T)^-1 wanted.
     Eigen::VectorXd forces(const Eigen::VectorXd& wanted) const;
-    /// Takes off v what L v is, by the least change in the mass.
-    void project(Eigen::VectorXd& v) const { v -= change(along(v)); }
 
 private:
     void find_moved(const RodModel& model);

@@ -5,8 +5,15 @@
 // onto them.
 //
 // RK4: accelerations A = M^-1 (-grad U + loads - D v + L^T lambda) - viscosity v, with
-// L A = -L' v - (2 / D) g' - g / D^2 (Baumgarte), D = 4 steps; after the step places and
-// velocities are brought onto the constraints by the mass. [Lenoir04]
+// L A = -L' v - (g_t)', g_t what moves the constraints; each stage sees them at its own
+// time. Places are brought onto g = 0 after the step and velocities onto L v = -g_t
+// before and after it, by the mass. [Lenoir04] Nothing drifts, so there is no feedback of
+// g and g' into A: stages leave a g of order step^2, and feedback makes order 1 of that.
+//
+// Angles count from vectors that one hop takes along from the begin of the step to a
+// stage (rod.cpp). Such a vector spins by -turn_of_hop . u' / (2 l), u' the rate of P',
+// so an angle changes by its velocity, which is the spin of the material, less that.
+// Without it the step is of order 2 where a rod twists and bends.
 //
 // Slides in RK4. Their rows say L A + eta s'' = E, and the forces along them
 // eta^T lambda = c s'' + tau, with inertia c and friction tau. With G = L M^-1 L^T and
@@ -36,6 +43,31 @@ constexpr double kNoise = 1e-9, kMidpointNoise = 1e-3, kExplicitNoise = 1e-2;
 
 /// Of constraints after the projection of an explicit step, of the rod's length.
 constexpr double kLeft = 1e-4;
+
+/// How fast x changes at a stage of a step: \p velocity, but for angles.
+Eigen::VectorXd way_of(const RodState& begin, const RodState& stage,
+                       const Eigen::VectorXd& velocity)
+{
+    const Rod& rod = stage.rod();
+    const RodLayout& layout = rod.layout();
+    Eigen::VectorXd out = velocity;
+    for (std::size_t e = 0; e < rod.spans().size(); ++e)
+        for (const int end : {0, 1})
+        {
+            const int place = end == 0 ? 0 : rod.num_places() - 1;
+            const RodState::Velocity& now = stage.velocity(e, place);
+            Eigen::Vector3d rate = Eigen::Vector3d::Zero();
+            for (int j = 0; j < rod.order(); ++j)
+                rate += rod.first(e, place)[j] *
+                        velocity.segment<3>(layout.control[idx(rod.controls(e)[j])]);
+            const int angle = layout.angle[idx(rod.spans()[e].station[idx(end)])];
+            out[angle] =
+                velocity[angle] +
+                turn_of_hop(begin.velocity(e, place).tangent, now.tangent).dot(rate) /
+                    (2.0 * now.length);
+        }
+    return out;
+}
 
 } // namespace
 
@@ -167,7 +199,7 @@ Eigen::MatrixXd RodStepper::mass_of_slides(const Held& held,
 }
 
 Eigen::VectorXd RodStepper::acceleration(const RodState& state,
-                                         const Eigen::VectorXd& velocity, double step,
+                                         const Eigen::VectorXd& velocity,
                                          Eigen::VectorXd* multipliers) const
 {
     const int of_rod = model_.rod().layout().num_unknowns;
@@ -181,12 +213,7 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
         return A;
     const Held held = this->held(state);
     const RodResponse& holds = response(held.rows);
-    const double D = 4.0 * step;
-    Eigen::VectorXd speeds(held.eta.cols());
-    for (Eigen::Index c = 0; c < speeds.size(); ++c)
-        speeds[c] = velocity[of_rod + held.slides[static_cast<std::size_t>(c)]];
-    Eigen::VectorXd wanted = -2.0 / D * (holds.along(v) + held.eta * speeds) -
-                             held.rows.violation / (D * D) - holds.along(A.head(of_rod));
+    Eigen::VectorXd wanted = -holds.along(A.head(of_rod));
     Eigen::Index r = 0;
     for (const RodConstraint& constraint : model_.constraints)
         for (const double turning : convective(constraint, state, v))
@@ -197,14 +224,14 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
         const Eigen::VectorXd pushed = held.eta.transpose() * holds.forces(wanted);
         // Friction depends on what presses across the rod, which it changes but little.
         constexpr int kSweeps = 3;
-        Eigen::VectorXd rubs = Eigen::VectorXd::Zero(speeds.size()), of_slides;
+        Eigen::VectorXd rubs = Eigen::VectorXd::Zero(held.eta.cols()), of_slides;
         for (int sweep = 0; sweep < kSweeps; ++sweep)
         {
             of_slides = mass.solve(pushed - rubs);
-            const std::vector<Eigen::Vector3d> pressed =
+            const std::vector<SlidePress> pressed =
                 model_.pressed(state, holds.forces(wanted - held.eta * of_slides));
             bool rubs_at_all = false;
-            for (Eigen::Index c = 0; c < speeds.size(); ++c)
+            for (Eigen::Index c = 0; c < rubs.size(); ++c)
             {
                 const int k = held.slides[static_cast<std::size_t>(c)];
                 rubs[c] = friction(model_.slides[idx(k)], state, state.sliding[idx(k)],
@@ -214,7 +241,7 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
             if (!rubs_at_all)
                 break;
         }
-        for (Eigen::Index c = 0; c < speeds.size(); ++c)
+        for (Eigen::Index c = 0; c < of_slides.size(); ++c)
             A[of_rod + held.slides[static_cast<std::size_t>(c)]] = of_slides[c];
         wanted -= held.eta * of_slides;
     }
@@ -262,17 +289,26 @@ void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
     // What one projection leaves is of second order.
     if (report.violation > kLeft * std::max(1.0, model_.rod().arc_length().total()))
         report.stop = is_redundant ? MotionStop::Contradiction : MotionStop::NoDescent;
+    project_velocity(state, velocity);
+}
+
+void RodStepper::project_velocity(const RodState& state, Eigen::VectorXd& velocity) const
+{
+    constexpr double kKept = 1e-14; // of the velocity
     const int of_rod = model_.rod().layout().num_unknowns;
-    Eigen::VectorXd off = response(after.rows).along(velocity.head(of_rod));
-    for (Eigen::Index c = 0; c < after.eta.cols(); ++c)
-        off += after.eta.col(c) *
-               velocity[of_rod + after.slides[static_cast<std::size_t>(c)]];
-    velocity += least_change(after, off);
+    const Held held = this->held(state);
+    Eigen::VectorXd off =
+        held.rows.rate + response(held.rows).along(velocity.head(of_rod));
+    for (Eigen::Index c = 0; c < held.eta.cols(); ++c)
+        off +=
+            held.eta.col(c) * velocity[of_rod + held.slides[static_cast<std::size_t>(c)]];
+    if (off.size() > 0 &&
+        off.cwiseAbs().maxCoeff() > kKept * velocity.cwiseAbs().maxCoeff())
+        velocity += least_change(held, off);
 }
 
 /// What sticks may slip, and what has stopped at an end may leave it.
-void RodStepper::loosen(RodState& state, const Eigen::VectorXd& velocity,
-                        double step) const
+void RodStepper::loosen(RodState& state, const Eigen::VectorXd& velocity) const
 {
     const bool has_friction =
         std::any_of(model_.slides.begin(), model_.slides.end(),
@@ -284,8 +320,8 @@ void RodStepper::loosen(RodState& state, const Eigen::VectorXd& velocity,
     if (!has_friction && !is_stopped)
         return;
     Eigen::VectorXd multipliers;
-    acceleration(state, velocity, step, &multipliers);
-    const std::vector<Eigen::Vector3d> pressed = model_.pressed(state, multipliers);
+    acceleration(state, velocity, &multipliers);
+    const std::vector<SlidePress> pressed = model_.pressed(state, multipliers);
     for (std::size_t k = 0; k < model_.slides.size(); ++k)
     {
         Sliding& now = state.sliding[k];
@@ -321,31 +357,39 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& rod_velocity,
     velocity.head(of_rod) = rod_velocity;
     for (std::size_t k = 0; k < model_.slides.size(); ++k)
         velocity[of_rod + static_cast<int>(k)] = state.sliding[k].speed;
-    loosen(state, velocity, step);
+    const double time = model_.time_led();
+    if (!model_.constraints.empty())
+        project_velocity(state, velocity);
+    loosen(state, velocity);
     const RodState begin = state;
     const Eigen::VectorXd v1 = velocity;
     // The limit of the step is that of the rod as it was at first: what is squeezed has a
     // lower one. What is unstable grows in every step; now and then is enough.
     const bool is_watched = num_explicit_++ % kWatched == 0 && !model_.has_couples() &&
-                            model_.pushed.size() == 0 && keeps_constraints(begin);
-    const double before = is_watched ? energy(begin, rod_velocity) : 0.0;
-    const auto at = [&](const Eigen::VectorXd& way, const Eigen::VectorXd& v)
+                            model_.pushed.size() == 0 && !model_.is_led() &&
+                            keeps_constraints(begin);
+    const double before = is_watched ? energy(begin, velocity.head(of_rod)) : 0.0;
+    struct Stage
     {
+        Eigen::VectorXd way, change; ///< of x and of the velocity by time
+    };
+    const auto at =
+        [&](double share, const Eigen::VectorXd& way, const Eigen::VectorXd& v)
+    {
+        model_.lead_to(time + share * step);
         RodState moved = begin;
-        moved.move(way);
+        moved.move(way, share * step);
         for (std::size_t k = 0; k < model_.slides.size(); ++k)
             moved.sliding[k].speed = v[of_rod + static_cast<int>(k)];
-        return acceleration(moved, v, step, nullptr);
+        return Stage{way_of(begin, moved, v), acceleration(moved, v, nullptr)};
     };
-    const Eigen::VectorXd a1 = acceleration(begin, v1, step, nullptr);
-    const Eigen::VectorXd v2 = v1 + 0.5 * step * a1;
-    const Eigen::VectorXd a2 = at(0.5 * step * v1, v2);
-    const Eigen::VectorXd v3 = v1 + 0.5 * step * a2;
-    const Eigen::VectorXd a3 = at(0.5 * step * v2, v3);
-    const Eigen::VectorXd v4 = v1 + step * a3;
-    const Eigen::VectorXd a4 = at(step * v3, v4);
-    state.move(step / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4));
-    velocity += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    const Stage one{v1, acceleration(begin, v1, nullptr)},
+        two = at(0.5, one.way, v1 + 0.5 * step * one.change),
+        three = at(0.5, two.way, v1 + 0.5 * step * two.change),
+        four = at(1.0, three.way, v1 + step * three.change);
+    state.move(step / 6.0 * (one.way + 2.0 * two.way + 2.0 * three.way + four.way));
+    velocity +=
+        step / 6.0 * (one.change + 2.0 * two.change + 2.0 * three.change + four.change);
     report.parts = 1;
     if (!state.x().allFinite() || !velocity.allFinite())
     {

@@ -58,12 +58,13 @@ private:
     Eigen::MatrixXd mass_of_slides(const Held& held, const RodResponse& holds) const;
     Eigen::VectorXd least_change(const Held& held,
                                  const Eigen::VectorXd& violation) const;
-    void loosen(RodState& state, const Eigen::VectorXd& velocity, double step) const;
+    void loosen(RodState& state, const Eigen::VectorXd& velocity) const;
     void stop_slides(RodState& state, Eigen::VectorXd& velocity) const;
     /// Of the rod and of what slides, as velocities are.
     Eigen::VectorXd acceleration(const RodState& state, const Eigen::VectorXd& velocity,
-                                 double step, Eigen::VectorXd* multipliers) const;
+                                 Eigen::VectorXd* multipliers) const;
     void project(RodState& state, Eigen::VectorXd& velocity, StepReport& report) const;
+    void project_velocity(const RodState& state, Eigen::VectorXd& velocity) const;
 
     const RodResponse& response(const RodModel::Rows& rows) const;
 

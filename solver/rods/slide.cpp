@@ -42,15 +42,14 @@ struct Pressed
     double along = 0.0, across = 0.0; ///< [N]
     double speed = 0.0;               ///< [m] by parameter
 
-    Pressed(const RodSlide& slide, const RodState& state, const Sliding& now,
-            const Vector3d& force)
+    Pressed(const RodState& state, const Sliding& now, const SlidePress& press)
     {
         const Vector3d eta =
-            slide.held * state.at(sliding_values(state.rod().basis(), now.s)).first;
+            press.held * state.at(sliding_values(state.rod().basis(), now.s)).first;
         speed = eta.norm();
         const Vector3d e = speed > 0.0 ? Vector3d(eta / speed) : Vector3d::Zero();
-        along = force.dot(e);
-        across = (force - along * e).norm();
+        along = press.force.dot(e);
+        across = (press.force - along * e).norm();
     }
 };
 
@@ -73,7 +72,7 @@ BasisValues sliding_values(const SplineBasis& basis, double s)
 }
 
 double nearest_parameter(const RodSlide& slide, const RodState& state,
-                         const Vector3d& point, int tries)
+                         const Vector3d& point, const Eigen::Matrix3d& held, int tries)
 {
     const SplineBasis& basis = state.rod().basis();
     double best = slide.begin, least = std::numeric_limits<double>::infinity();
@@ -81,8 +80,7 @@ double nearest_parameter(const RodSlide& slide, const RodState& state,
     {
         const double s = slide.begin + (slide.end - slide.begin) * k / tries;
         const double away =
-            (slide.held * (state.at(sliding_values(basis, s)).place - point))
-                .squaredNorm();
+            (held * (state.at(sliding_values(basis, s)).place - point)).squaredNorm();
         if (away < least)
         {
             least = away;
@@ -94,7 +92,7 @@ double nearest_parameter(const RodSlide& slide, const RodState& state,
     for (int k = 0; k < kMost; ++k)
     {
         const CurvePoint at = state.at(sliding_values(basis, best));
-        const Vector3d g = slide.held * (at.place - point), eta = slide.held * at.first;
+        const Vector3d g = held * (at.place - point), eta = held * at.first;
         const double slope = eta.squaredNorm();
         if (!(slope > 0.0))
             break;
@@ -142,13 +140,13 @@ SingleUnknown sliding_unknown(const RodState& state, const Sliding& now,
 }
 
 double friction(const RodSlide& slide, const RodState& state, const Sliding& now,
-                const Vector3d& force)
+                const SlidePress& press)
 {
     if (!now.is_free() || slide.slips == 0.0)
         return 0.0;
-    const Pressed pressed(slide, state, now, force);
+    const Pressed pressed(state, now, press);
     const double rubbing = slide.slips * pressed.across * pressed.speed;
-    return now.drive < 0.0 ? -rubbing : rubbing;
+    return std::copysign(rubbing, now.drive);
 }
 
 bool stop_at_end(const RodSlide& slide, Sliding& now)
@@ -164,12 +162,12 @@ bool stop_at_end(const RodSlide& slide, Sliding& now)
 }
 
 ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& state,
-                                     const Vector3d& force, bool is_last, Sliding& begin,
-                                     Sliding& end)
+                                     const SlidePress& press, bool is_last,
+                                     Sliding& begin, Sliding& end)
 {
     if (end.mode == Mode::Gone)
         return Again::No;
-    const Pressed pressed(slide, state, end, force);
+    const Pressed pressed(state, end, press);
     const double rubbing = slide.slips * pressed.across * pressed.speed;
     if (end.mode == Mode::Slips)
     {
@@ -181,7 +179,8 @@ ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& stat
         }
         if (slide.slips == 0.0)
             return Again::No;
-        const double side = end.drive < 0.0 ? -1.0 : 1.0;
+        // Of what does not rub the drive is a zero, which has a sign, too.
+        const double side = std::copysign(1.0, end.drive);
         if (side * (end.s - begin.s) < 0.0 && !is_last)
         {
             begin.mode = Mode::Sticks;
@@ -205,7 +204,7 @@ ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& stat
     if (!may_go)
         return Again::No;
     begin.mode = Mode::Slips;
-    begin.drive = pressed.along > 0.0 ? rubbing : -rubbing;
+    begin.drive = std::copysign(rubbing, pressed.along);
     return Again::FromBegin;
 }
 

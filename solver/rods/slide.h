@@ -22,8 +22,14 @@ struct RodSlide
     /// Inertia of the sliding itself, c of c s'' = lambda . P': above 0 it slows, below
     /// it hastens. [kg m^2 by parameter^2]
     double inertia = 0.0;
-    /// Onto the directions in which the place is held: a hole holds all, an axis those
-    /// across it, a plane its normal.
+};
+
+/// The force that acts on the rod where it slides.
+struct SlidePress
+{
+    Eigen::Vector3d force = Eigen::Vector3d::Zero(); ///< [N]
+    /// Projects onto the directions in which the place is held: a hole holds all, an axis
+    /// those across it, a plane its normal.
     Eigen::Matrix3d held = Eigen::Matrix3d::Identity();
 };
 
@@ -33,10 +39,12 @@ Sliding begun(const RodSlide& slide, double s);
 /// Values at a parameter; behind the ends of an open curve its end spans go on.
 BasisValues sliding_values(const SplineBasis& basis, double s);
 
-/// Where the curve is nearest to what holds \p slide at \p point, of \p tries places and
-/// then by Newton's method.
+/// Where the curve is nearest to \p point in the directions of \p held (see SlidePress),
+/// of \p tries places of the range of \p slide and then by Newton's method.
 double nearest_parameter(const RodSlide& slide, const RodState& state,
-                         const Eigen::Vector3d& point, int tries = 1000);
+                         const Eigen::Vector3d& point,
+                         const Eigen::Matrix3d& held = Eigen::Matrix3d::Identity(),
+                         int tries = 1000);
 
 /// d/ds of friction and inertia [N by ds].
 double sliding_pull(const Sliding& now);
@@ -48,19 +56,18 @@ double sliding_energy(const Sliding& now);
 SingleUnknown sliding_unknown(const RodState& state, const Sliding& now,
                               const Eigen::Vector3d& force);
 
-/// tau of a slide that slips, where \p force acts on the rod; 0 of one that does not
-/// [N by ds].
+/// tau of a slide that slips under \p press; 0 of one that does not [N by ds].
 double friction(const RodSlide& slide, const RodState& state, const Sliding& now,
-                const Eigen::Vector3d& force);
+                const SlidePress& press);
 
 /// Stops what has slid past an end of its range there, or releases it; false: it has not.
 bool stop_at_end(const RodSlide& slide, Sliding& now);
 
-/// Whether a step that began as \p begin and ended as \p end, with \p force on the rod,
-/// must be taken again: then mode and friction of both are changed. `is_last` lets no
+/// Whether a step that began as \p begin and ended as \p end, under \p press, must be
+/// taken again: then mode and friction of both are changed. `is_last` lets no
 /// mode change but where the end of the range is passed.
 ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& state,
-                                     const Eigen::Vector3d& force, bool is_last,
+                                     const SlidePress& press, bool is_last,
                                      Sliding& begin, Sliding& end);
 
 } // namespace cellwarp

@@ -398,6 +398,125 @@ TEST(Simulation, a_ring_that_keys_move_carries_the_rope)
     EXPECT_LT(nearest, 1e-3);
 }
 
+TEST(Simulation, rubs_on_a_rail_that_keys_have_turned_as_on_one_that_stood_so)
+{
+    const auto slid = [](const std::string& rail, double across, double friction)
+    {
+        Simulation simulation(scene_of(
+            R"("through": [[0,-0.5,0],[0,0,0],[0,0.5,0]], "spans": 6, "E": 1e9,
+               "loads": [{"at": 0.5, "force": [0,1,)" +
+                std::to_string(across) +
+                R"(]}], "on": [{"at": "sliding", "start": 0.5, "friction": )" +
+                std::to_string(friction) + R"(, "axis": )" + rail +
+                R"(}, {"at": 0.25, "plane": [0,0,1,0]},
+               {"at": 0.75, "plane": [0,0,1,0]}, {"at": 0.25, "plane": [1,0,0,0]},
+               {"at": 0.75, "plane": [1,0,0,0]}])",
+            R"({"duration": 0.3, "gravity": [0,0,0]})"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        return simulation.rods(2)[0].sliding.at(0);
+    };
+    const std::string turned =
+        R"([0,0,0, 1,0,0], "keys": [{"time": 0, "rotate": [0,0,1,60]}])";
+    const std::string stood = "[0,0,0, 0.5,0.8660254037844386,0]";
+    // Nothing presses across both the rail and the rod: no friction, whatever its number.
+    for (const double friction : {0.0, 0.9, 3.0})
+    {
+        EXPECT_NEAR(slid(stood, 0.0, friction), 0.356283, 2e-6);
+        EXPECT_NEAR(slid(turned, 0.0, friction), 0.356283, 2e-6);
+    }
+    const double rubbed = slid(stood, 1.0, 0.3);
+    EXPECT_GT(rubbed, 0.36);
+    EXPECT_LT(rubbed, 0.49);
+    EXPECT_NEAR(slid(turned, 1.0, 0.3), rubbed, 1e-4);
+}
+
+TEST(Simulation, what_keys_carry_evenly_has_the_momentum_of_its_speed)
+{
+    for (const auto& [rule, dt] :
+         {std::pair("implicit-euler", "1e-3"), std::pair("midpoint", "1e-3"),
+          std::pair("rk4", "1e-5")})
+        for (const std::string what : {R"(["point"])", R"(["point","tangent","twist"])"})
+        {
+            SCOPED_TRACE(rule + what);
+            Simulation simulation(scene_of(
+                kLine + R"(, "spans": 2, "radius": 0.02, "velocity": [1,0,0],
+                   "fixed": [{"what": )" +
+                    what + R"(, "keys": [{"time": 0},
+                   {"time": 1, "translate": [1,0,0]}]}])",
+                std::string(R"({"duration": 0.02, "gravity": [0,0,0], "integrator": ")") +
+                    rule + R"(", "dt": )" + dt + "}"));
+            const double mass = 1000.0 * std::numbers::pi * 4e-4;
+            while (simulation.steps_done() < simulation.num_steps())
+                simulation.step();
+            const SimulationReport report = simulation.report();
+            EXPECT_TRUE(report.is_converged) << report.stop;
+            EXPECT_NEAR(report.momentum.x() / mass, 1.0, 1e-9);
+            EXPECT_NEAR(report.kinetic / (0.5 * mass), 1.0, 1e-9);
+            EXPECT_LT(report.elastic, 1e-12);
+        }
+}
+
+TEST(Simulation, friction_in_a_hole_is_the_same_from_a_frame_that_moves)
+{
+    const auto slid = [](const std::string& rule, const Eigen::Vector3d& v)
+    {
+        const auto vector = [&](double scale)
+        {
+            return "[" + std::to_string(scale * v.x()) + "," +
+                   std::to_string(scale * v.y()) + "," + std::to_string(scale * v.z()) +
+                   "]";
+        };
+        Simulation simulation(scene_of(
+            R"("through": [[-0.5,0,0],[0,0,0],[0.5,0,0]], "spans": 6, "E": 1e5,
+               "loads": [{"at": 0, "force": [-1,-1,0]}, {"at": 1, "force": [1.6,-1,0]}],
+               "velocity": )" +
+                vector(1.0) + R"(, "on": [{"at": "sliding", "start": 0.5,
+               "point": [0,0,0], "friction": 0.3, "keys": [{"time": 0},
+               {"time": 10, "translate": )" +
+                vector(10.0) + "}]}]",
+            R"({"duration": 0.1, "gravity": [0,0,0], "integrator": ")" + rule));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        return simulation.rods(2)[0].sliding.at(0);
+    };
+    for (const std::string rule :
+         {R"(implicit-euler", "dt": 1e-3})", R"(rk4", "dt": 1e-4})"})
+    {
+        SCOPED_TRACE(rule);
+        const double still = slid(rule, {0, 0, 0});
+        EXPECT_NEAR(still, 0.4942, 5e-4);
+        for (const Eigen::Vector3d& v :
+             {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(0, 1, 0),
+              Eigen::Vector3d(1, 0, 0)})
+            EXPECT_NEAR(slid(rule, v), still, 1e-8) << v.transpose();
+    }
+}
+
+TEST(Simulation, a_rod_that_keys_lead_pushes_another_the_same_at_any_step)
+{
+    for (const std::string dt : {"2e-3", "5e-3", "1e-2", "2e-2"})
+    {
+        SCOPED_TRACE(dt);
+        const std::string keys = R"("keys": [{"time": 0},
+                                    {"time": 0.5, "translate": [1,0,0]}]})";
+        Simulation simulation(parse_rod_scene(
+            "s.json",
+            R"({"cellwarp": 1, "rods": [{"through": [[0,0,-0.2],[0,0,0],[0,0,0.2]],
+                "E": 1e8, "fixed": [{"at": 0, "what": ["point"], )" +
+                keys + R"(, {"at": 1, "what": ["point"], )" + keys + R"(]},
+               {"through": [[0.1,-0.2,0],[0.1,0,0],[0.1,0.2,0]], "E": 1e6}],
+               "contact": true, "simulate": {"duration": 0.2, "every": 0.1,
+               "gravity": [0,0,0], "dt": )" +
+                dt + "}}"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        EXPECT_NEAR(simulation.rods(33)[1].curve[16].x(), 0.4155, 1.2e-3);
+    }
+}
+
 TEST(Simulation, a_body_that_keys_turn_takes_along_what_is_joined_to_it)
 {
     Simulation simulation(

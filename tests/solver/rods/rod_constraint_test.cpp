@@ -162,4 +162,57 @@ TEST(RodConstraint, what_turns_with_the_motion_is_the_second_derivative_along_it
     EXPECT_EQ(convective(c, state, v), std::vector<double>(3, 0.0));
 }
 
+TEST(RodConstraint, rates_are_the_derivatives_by_time_of_constraints_that_move)
+{
+    const Rod rod = bent_rod();
+    std::mt19937 rng(7);
+    RodState state(rod);
+    const int n = rod.layout().num_unknowns;
+    state.move(support::random_step(n, 0.05, rng));
+    const Eigen::VectorXd v = support::random_step(n, 1.0, rng);
+    const Eigen::Vector3d w(0.3, -0.7, 0.5);
+    for (const RodConstraint& one : all_at(state, 2.37))
+    {
+        // Rows of two directions turn about the one between them: only their sum of
+        // squares is of the constraint.
+        if (one.hold > HoldKind::TwistAngle || one.hold == HoldKind::GeometricCurvature)
+            continue;
+        SCOPED_TRACE(static_cast<int>(one.hold));
+        RodConstraint c = one;
+        c.point_speed = {0.4, 0.1, -0.2};
+        c.turning = w;
+        const auto half_square = [&](double time)
+        {
+            RodConstraint later = c;
+            later.point += time * c.point_speed;
+            later.direction =
+                Eigen::AngleAxisd(time * w.norm(), w.normalized()) * c.direction;
+            RodState there = state;
+            there.move(v, time);
+            double sum = 0.0;
+            for (const ConstraintRow& row :
+                 rows_of(later, there, HeldBasis(c, rod.basis()), false))
+                sum += 0.5 * row.violation * row.violation;
+            return sum;
+        };
+        const std::vector<ConstraintRow> rows =
+            rows_of(c, state, HeldBasis(c, rod.basis()));
+        const std::vector<double> bent = convective(c, state, v);
+        double first = 0.0, second = 0.0;
+        for (std::size_t k = 0; k < rows.size(); ++k)
+        {
+            double speed = rows[k].rate;
+            for (const auto& [unknown, value] : rows[k].entries)
+                speed += value * v[unknown];
+            first += rows[k].violation * speed;
+            second += speed * speed + rows[k].violation * bent[k];
+        }
+        const double h = 1e-4;
+        EXPECT_NEAR((half_square(h) - half_square(-h)) / (2.0 * h), first,
+                    1e-6 * std::max(1.0, std::abs(first)));
+        EXPECT_NEAR((half_square(h) - 2.0 * half_square(0.0) + half_square(-h)) / (h * h),
+                    second, 1e-5 * std::max(1.0, std::abs(second)));
+    }
+}
+
 } // namespace cellwarp
