@@ -13,9 +13,16 @@
 //
 // Implicit: do/dt = (o - o_begin) / dt, so f_n = K max(0, o - s) with K = k + c / dt and
 // s = c o_begin / (dt K): the gradient of 1/2 K max(0, o - s)^2. As n stays in the step
-// it is a parabola. The way that they slip, u = (I - n n^T)(y - y_begin), rubs with
-//   mu f_n |u| where it is longer than `slack`, a parabola below,
-// f_n that of the begin: what sticks creeps by less than `slack` a step.
+// it is a parabola.
+//
+// Friction. u = a + (I - n n^T)(y - y_begin) stretches a spring across n as stiff as K,
+// which slips where it holds mu f_n: its energy is
+//   1/2 K |u|^2 up to K |u| = mu f_n,   mu f_n (|u| - mu f_n / (2 K)) beyond.
+// Its force f_t goes to the next step as a = -f_t / K with the K of that step, in the
+// next tangent plane: what sticks does not creep, in time and in the pseudo-steps of
+// statics. A new contact has a = 0. mu f_n is held while a step is solved for, and
+// brought up to date with the f_n of the solve until both agree: an impact rubs by
+// Coulomb's law, too.
 //
 // Explicit: forces of the begin, as they are all through the step; stable for
 // k <= 0.1 m* / dt^2, as balls share control points. Friction min(mu f_n, m* |v_t| / dt).
@@ -25,6 +32,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 #include <utility>
 
 #include "solver/rods/rod_refinement.h"
@@ -45,8 +53,11 @@ constexpr double kSharp = 0.25, kNotSharp = 0.2; ///< radius times curvature
 /// cross, so that little of them overlaps.
 constexpr double kHardness = 1.0;
 constexpr double kAtEnd = 10.4; ///< how much looser a free end is
-/// What sticks may creep, of the radius in a second [1/s].
-constexpr double kCreep = 0.1;
+/// Friction agrees with what presses, to that share.
+constexpr double kAgrees = 1e-3;
+/// Contacts of two steps are one where their balls are so near along the rods, of the
+/// radius, and their normals so near, by cosine.
+constexpr double kSameBall = 0.2, kSameNormal = 0.7;
 /// A ball may go this part of its radius in a step where something is near.
 constexpr double kWay = 0.5;
 /// Of the largest ball: how far is looked beyond the way of the step.
@@ -328,9 +339,15 @@ bool RodContacts::is_too_fast(double step) const
 
 bool RodContacts::start(double step)
 {
+    grips_before_ = grips_;
     place_balls();
-    const bool are_all_found = find_contacts(
-        3.0 * largest_way(step) + kMargin * largest_radius_, Limit::OfBalls);
+    // At rest, in statics, they may go a little farther than last time.
+    const double way = largest_way(step),
+                 look = way > 0.0
+                            ? 3.0 * way
+                            : std::min(3.0 * last_way_, 2.0 * kWay * largest_radius_);
+    const bool are_all_found =
+        find_contacts(look + kMargin * largest_radius_, Limit::OfBalls);
     if (!are_all_found)
         contacts_.clear(); // some of them would tell nothing
     for (Contact& contact : contacts_)
@@ -341,10 +358,119 @@ bool RodContacts::start(double step)
                          std::max(0.0, contact.reach - contact.normal.dot(contact.begin));
         contact.whole = k + c / step;
         contact.shift = c * overlap / (step * contact.whole);
+        if (settings_.friction == 0.0)
+            continue;
         contact.grip = settings_.friction * k * overlap;
-        contact.slack = kCreep * balls_[contact.a].radius * step;
+        if (const Grip* const last = grip_of(contact))
+        {
+            contact.grip = settings_.friction * last->press;
+            contact.stretch =
+                transported(last->normal, contact.normal, last->force) / -contact.whole;
+        }
     }
     return are_all_found && !is_too_fast(step);
+}
+
+/// The contact of the step before that is this one; null: it is new.
+const RodContacts::Grip* RodContacts::grip_of(const Contact& contact) const
+{
+    const Ball& a = balls_[contact.a];
+    const double reach = kSameBall * a.radius;
+    const Grip* best = nullptr;
+    double nearest = reach;
+    const auto first = std::lower_bound(
+        grips_before_.begin(), grips_before_.end(), std::pair(a.rod, a.along - reach),
+        [](const Grip& one, const std::pair<std::size_t, double>& at)
+        { return std::pair(one.a, one.along_a) < at; });
+    for (auto one = first;
+         one != grips_before_.end() && one->a == a.rod && one->along_a <= a.along + reach;
+         ++one)
+    {
+        double off = std::abs(one->along_a - a.along);
+        if ((one->b < 0) != (contact.b < 0) ||
+            one->normal.dot(contact.normal) < kSameNormal)
+            continue;
+        if (contact.b >= 0)
+        {
+            const Ball& b = balls_[std::size_t(contact.b)];
+            if (std::size_t(one->b) != b.rod)
+                continue;
+            off = std::max(off, std::abs(one->along_b - b.along));
+        }
+        if (off < nearest)
+        {
+            nearest = off;
+            best = &*one;
+        }
+    }
+    return best;
+}
+
+/// f_n, with y between the places [N].
+double RodContacts::press(const Contact& contact, const Vector3d& y) const
+{
+    return contact.whole *
+           std::max(0.0, contact.reach - contact.normal.dot(y) - contact.shift);
+}
+
+/// u [m]
+Vector3d RodContacts::slip(const Contact& contact, const Vector3d& y) const
+{
+    const Vector3d way = y - contact.begin;
+    return contact.stretch + way - contact.normal.dot(way) * contact.normal;
+}
+
+ArticulableObject::Again RodContacts::again(bool is_last)
+{
+    bool agrees = true;
+    for (Contact& contact : contacts_)
+    {
+        if (settings_.friction == 0.0)
+            break;
+        const double before = contact.grip;
+        contact.grip = settings_.friction * press(contact, between(contact, false));
+        agrees = agrees && std::abs(contact.grip - before) <=
+                               kAgrees * std::max(contact.grip, before);
+    }
+    return agrees || is_last ? ArticulableObject::Again::No
+                             : ArticulableObject::Again::FromHere;
+}
+
+void RodContacts::finish()
+{
+    last_way_ = 0.0;
+    for (std::size_t k = 0; k < balls_.size(); ++k)
+        last_way_ = std::max(
+            last_way_,
+            (place(balls_[k], rods_[balls_[k].rod].state->x()) - centres_[k]).norm());
+    grips_.clear();
+    for (const Contact& contact : contacts_)
+    {
+        if (contact.grip == 0.0)
+            continue;
+        const Vector3d y = between(contact, false), u = slip(contact, y);
+        const Ball& a = balls_[contact.a];
+        Grip grip;
+        grip.a = a.rod;
+        grip.along_a = a.along;
+        if (contact.b >= 0)
+        {
+            const Ball& b = balls_[std::size_t(contact.b)];
+            grip.b = static_cast<std::ptrdiff_t>(b.rod);
+            grip.along_b = b.along;
+        }
+        grip.normal = contact.normal;
+        grip.press = press(contact, y);
+        grip.force =
+            -std::min(contact.whole, contact.grip / std::max(u.norm(), 1e-300)) * u;
+        grips_.push_back(grip);
+    }
+    std::sort(grips_.begin(), grips_.end(),
+              [](const Grip& p, const Grip& q)
+              {
+                  return std::tuple(p.a, p.along_a, p.b, p.along_b) <
+                         std::tuple(q.a, q.along_a, q.b, q.along_b);
+              });
 }
 
 Vector3d RodContacts::between(const Contact& contact, bool of_trial) const
@@ -368,11 +494,9 @@ double RodContacts::value(bool of_trial)
             sum += 0.5 * contact.whole * pressed * pressed;
         if (contact.grip == 0.0)
             continue;
-        Vector3d slip = y - contact.begin;
-        slip -= contact.normal.dot(slip) * contact.normal;
-        const double way = slip.norm();
-        sum += way < contact.slack ? 0.5 * contact.grip / contact.slack * way * way
-                                   : contact.grip * (way - 0.5 * contact.slack);
+        const double way = slip(contact, y).norm(), slack = contact.grip / contact.whole;
+        sum += way < slack ? 0.5 * contact.whole * way * way
+                           : contact.grip * (way - 0.5 * slack);
     }
     return sum;
 }
@@ -400,14 +524,13 @@ double RodContacts::linearise(std::vector<Eigen::VectorXd>& gradient)
         }
         if (contact.grip > 0.0)
         {
-            Vector3d slip = y - contact.begin;
-            slip -= contact.normal.dot(slip) * contact.normal;
-            const double way = slip.norm(),
-                         hold = contact.grip / std::max(way, contact.slack);
-            pull += hold * slip;
+            const Vector3d u = slip(contact, y);
+            const double way = u.norm(), slack = contact.grip / contact.whole,
+                         hold = contact.grip / std::max(way, slack);
+            pull += hold * u;
             contact.second += hold * (Matrix3d::Identity() - along);
-            if (way > contact.slack)
-                contact.second -= hold / (way * way) * slip * slip.transpose();
+            if (way > slack)
+                contact.second -= hold / (way * way) * u * u.transpose();
         }
         largest = std::max(largest, pull.norm());
         const Ball& a = balls_[contact.a];
@@ -471,10 +594,17 @@ double RodContacts::energy() const
 {
     double sum = 0.0;
     for (const Contact& contact : contacts_)
-        if (const double overlap =
-                contact.reach - contact.normal.dot(between(contact, false));
-            overlap > 0.0)
+    {
+        const Vector3d y = between(contact, false);
+        if (const double overlap = contact.reach - contact.normal.dot(y); overlap > 0.0)
             sum += 0.5 * contact.stiffness * overlap * overlap;
+        if (contact.grip > 0.0)
+        {
+            const double hold =
+                std::min(contact.whole * slip(contact, y).norm(), contact.grip);
+            sum += 0.5 * hold * hold / contact.whole;
+        }
+    }
     return sum;
 }
 

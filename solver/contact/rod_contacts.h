@@ -70,6 +70,9 @@ public:
     bool has_product() const override { return has_product_; }
     void add_product(const std::vector<Eigen::VectorXd>& x,
                      std::vector<Eigen::VectorXd>& out) const override;
+    ArticulableObject::Again again(bool is_last) override;
+    void finish() override;
+    void undo() override { grips_ = grips_before_; }
     bool is_beyond() override;
     double energy() const override;
 
@@ -110,10 +113,27 @@ private:
         double stiffness = 0.0; ///< [N/m]
         // Of an implicit step.
         double whole = 0.0, shift = 0.0; ///< with damping
-        double grip = 0.0, slack = 0.0;  ///< of friction [N], [m]
+        double grip = 0.0;               ///< most that friction holds [N]
+        /// How far friction had stretched the tangential spring at the begin [m].
+        Eigen::Vector3d stretch = Eigen::Vector3d::Zero();
         Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
         bool is_pressed = false; ///< second is not zero
     };
+
+    /// What a contact that rubs hands to the next step.
+    struct Grip
+    {
+        std::size_t a = 0;
+        std::ptrdiff_t b = -1;               ///< rods; -1: an obstacle
+        double along_a = 0.0, along_b = 0.0; ///< lengths at rest up to the balls [m]
+        double radius = 0.0;
+        Eigen::Vector3d normal;
+        double press = 0.0;    ///< [N]
+        Eigen::Vector3d force; ///< of friction on a [N]
+    };
+    const Grip* grip_of(const Contact& contact) const;
+    double press(const Contact& contact, const Eigen::Vector3d& y) const;
+    Eigen::Vector3d slip(const Contact& contact, const Eigen::Vector3d& y) const;
 
     static double least_radius(const Member& of);
     void place_balls();
@@ -144,8 +164,11 @@ private:
     std::vector<Eigen::Vector3d> centres_; ///< at the begin of the step
     std::vector<double> radii_;            ///< of the balls
     std::vector<Contact> contacts_;
+    /// After the last step and before it, in the order of rods and lengths.
+    std::vector<Grip> grips_, grips_before_;
     BallGrid grid_;
     double margin_ = 0.0, largest_radius_ = 0.0;
+    double last_way_ = 0.0; ///< of the balls in the last step [m]
     bool has_product_ = false;
     std::vector<std::vector<RodTouch>> touches_; ///< of each rod
 };

@@ -775,6 +775,8 @@ MotionReport Articulation::solve(const MotionOptions& options)
         for (std::size_t a = 0; a < objects_.size(); ++a)
             again =
                 std::max(again, objects_[a]->again(lambda_[a], tries >= kModeChanges));
+        if (coupling_)
+            again = std::max(again, coupling_->again(tries >= kModeChanges));
         if (again == Again::No)
             break;
         if (again == Again::FromBegin)

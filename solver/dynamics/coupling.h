@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "solver/dynamics/articulable_object.h"
+
 namespace cellwarp
 {
 
@@ -28,6 +30,12 @@ public:
     /// out += (second derivatives that objects do not have) x
     virtual void add_product(const std::vector<Eigen::VectorXd>& x,
                              std::vector<Eigen::VectorXd>& out) const = 0;
+    /// The solve has ended: whether it goes on with friction that agrees with what now
+    /// presses. \p is_last: it does not.
+    virtual ArticulableObject::Again again(bool is_last) = 0;
+    /// The step was taken, or is taken back after that.
+    virtual void finish() = 0;
+    virtual void undo() = 0;
     /// The states are farther from the begin of the step than start() has looked.
     virtual bool is_beyond() = 0;
     /// What it holds, and gives back, at the states [J].

@@ -56,8 +56,7 @@ StepReport ImplicitStepper::step(double step)
         {
             // What has not gone anywhere has not lost its velocity.
             if (!is_solved(stop) && report.iterations - before <= 1)
-                for (ArticulableObject* const object : objects_)
-                    object->undo();
+                undo();
             done += length;
             ++report.parts;
             if (stop != MotionStop::Converged)
@@ -72,12 +71,19 @@ StepReport ImplicitStepper::step(double step)
             }
             continue;
         }
-        for (ArticulableObject* const object : objects_)
-            object->undo();
+        undo();
         parts_ = std::min(2 * (kMostParts / length), kMostParts);
         num_good_ = 0;
     }
     return report;
+}
+
+void ImplicitStepper::undo()
+{
+    for (ArticulableObject* const object : objects_)
+        object->undo();
+    if (coupling_)
+        coupling_->undo();
 }
 
 ArticulableObject::Energy ImplicitStepper::energy() const
@@ -120,6 +126,8 @@ bool ImplicitStepper::try_step(double step, bool is_last, MotionStop& stop,
     const MotionReport told = all_.solve(options);
     for (ArticulableObject* const object : objects_)
         object->finish();
+    if (coupling_)
+        coupling_->finish();
     report.iterations += told.iterations;
     report.num_dropped = std::max(report.num_dropped, told.num_dropped);
     report.violation = told.violation;
@@ -140,7 +148,7 @@ bool ImplicitStepper::try_step(double step, bool is_last, MotionStop& stop,
 StepReport ImplicitStepper::settle()
 {
     constexpr double kFirst = 0.01, kLongest = 100.0; // [s]
-    constexpr int kMost = 300;
+    constexpr int kMost = 1000;
     // Three steps of that length, each twice as long as the one before.
     constexpr double kStill = 1e-10, kLong = 5.0; // of the size, [s]
     constexpr int kStills = 3;
@@ -156,20 +164,23 @@ StepReport ImplicitStepper::settle()
             object->rest();
             object->start(step);
         }
-        if (coupling_)
-            coupling_->start(step);
-        const MotionReport told = all_.solve({});
-        report.iterations += told.iterations;
-        report.num_dropped = std::max(report.num_dropped, told.num_dropped);
-        report.violation = told.violation;
-        if (!is_solved(told.stop) || (coupling_ && coupling_->is_beyond()))
+        MotionStop stop = MotionStop::TooFast;
+        if (!coupling_ || coupling_->start(step))
         {
-            for (ArticulableObject* const object : objects_)
-                object->undo();
+            const MotionReport told = all_.solve({});
+            report.iterations += told.iterations;
+            report.num_dropped = std::max(report.num_dropped, told.num_dropped);
+            report.violation = told.violation;
+            if (!is_solved(told.stop) || !coupling_ || !coupling_->is_beyond())
+                stop = told.stop;
+        }
+        if (!is_solved(stop))
+        {
+            undo();
             step *= 0.25;
             if (step < 1e-6)
             {
-                report.stop = told.stop;
+                report.stop = stop;
                 return report;
             }
             continue;
@@ -190,11 +201,13 @@ StepReport ImplicitStepper::settle()
             size = std::max(size, object->size());
             object->rest();
         }
+        if (coupling_)
+            coupling_->finish();
         ++report.parts;
         num_still = way <= kStill * size ? num_still + 1 : 0;
         if ((num_still >= kStills && step >= kLong) || (is_same && step >= kLongest))
         {
-            report.stop = told.stop;
+            report.stop = stop;
             return report;
         }
         step = std::min(2.0 * step, kLongest);

@@ -35,6 +35,7 @@ public:
 
 private:
     bool try_step(double step, bool is_last, MotionStop& stop, StepReport& report);
+    void undo();
     ArticulableObject::Energy energy() const;
     bool is_driven() const;
 

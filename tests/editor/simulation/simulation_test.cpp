@@ -1011,4 +1011,69 @@ TEST(Simulation, a_knot_is_that_knot_while_it_is_pulled_tight_and_loosened)
     EXPECT_EQ(determinant(straight.rods(401)[0].curve), 1);
 }
 
+TEST(Simulation, an_impact_rubs_by_coulombs_law_at_any_step)
+{
+    // Of a fall by (1, -1) m/s all of the second is taken, and 0.3 of it of the first.
+    for (const std::string dt : {"4e-3", "1e-3", "1e-4"})
+    {
+        SCOPED_TRACE(dt);
+        Simulation simulation(parse_rod_scene(
+            "s.json",
+            R"({"cellwarp": 1, "rods": [{"through": [[0,0.012,-0.1],[0,0.012,0],
+                [0,0.012,0.1]], "velocity": [1,-1,0]}], "contact": {"friction": 0.3},
+                "obstacles": [{"plane": [0,1,0,0]}], "simulate": {"gravity": [0,0,0],
+                "duration": 0.04, "every": 0.04, "dt": )" +
+                dt + "}}"));
+        const double mass = 1000.0 * std::numbers::pi * 1e-4 * 0.2;
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        EXPECT_NEAR((1.0 - report.momentum.x() / mass) /
+                        (1.0 + report.momentum.y() / mass),
+                    0.3, 1e-3);
+    }
+}
+
+TEST(Simulation, friction_holds_in_statics_as_in_time)
+{
+    // A rod along z in a groove of 20 and 60 degrees, 0.1 m up the gentle side.
+    const double a = 20.0 * std::numbers::pi / 180.0, b = 60.0 * std::numbers::pi / 180.0;
+    const Eigen::Vector2d n(std::sin(a), std::cos(a)), m(-std::sin(b), std::cos(b));
+    const Eigen::Vector2d begin = 0.1 * Eigen::Vector2d(-n.y(), n.x()) + 0.0099 * n;
+    const auto settled = [&](double friction, bool has_other_side)
+    {
+        const auto number = [](double x) { return std::to_string(x); };
+        const auto point = [&](double z) {
+            return "[" + number(begin.x()) + "," + number(begin.y()) + "," + number(z) +
+                   "]";
+        };
+        const auto plane = [&](const Eigen::Vector2d& normal) {
+            return R"({"plane": [)" + number(normal.x()) + "," + number(normal.y()) +
+                   ",0,0]}";
+        };
+        Simulation simulation(parse_rod_scene(
+            "s.json", R"({"cellwarp": 1, "rods": [{"through": [)" + point(-0.2) + "," +
+                          point(0.0) + "," + point(0.2) +
+                          R"(]}], "contact": {"friction": )" + number(friction) +
+                          R"(}, "obstacles": [)" + plane(n) +
+                          (has_other_side ? "," + plane(m) : "") +
+                          R"(], "simulate": {"integrator": "static"}})"));
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        return Eigen::Vector2d(simulation.rods(33)[0].curve[16].head<2>());
+    };
+    for (const double friction : {0.5, 1.0})
+    {
+        SCOPED_TRACE(friction);
+        EXPECT_LT((settled(friction, false) - begin).norm(), 2e-4);
+        EXPECT_LT((settled(friction, true) - begin).norm(), 2e-4);
+    }
+    Eigen::Matrix2d both;
+    both << n.transpose(), m.transpose();
+    const Eigen::Vector2d bottom = both.inverse() * Eigen::Vector2d(0.01, 0.01);
+    EXPECT_LT((settled(0.0, true) - bottom).norm(), 1e-4);
+}
+
 } // namespace cellwarp
