@@ -714,6 +714,11 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
         reader.read("GJ", kTiny, kHuge, rod.twisting.emplace(0.0));
     if (rod.bending && !((*rod.bending)[0] > 0 && (*rod.bending)[1] > 0))
         reader.object().fail("EI", "need two stiffnesses above 0 [N m^2]");
+    if (reader.object().find("normal"))
+        reader.read("normal", rod.normal.emplace());
+    if (rod.bending && (*rod.bending)[0] != (*rod.bending)[1] && !rod.normal)
+        reader.object().fail("normal", "is missing: two different EI need the direction "
+                                       "that the first one bends about");
     reader.read("energy", OneOf{{"exact", "continuous", "discrete"}}, rod.energy);
     std::string rest = "given";
     reader.read("rest", OneOf{{"given", "straight"}}, rest);

@@ -106,7 +106,8 @@ struct RodStatement
     std::vector<double> radius = {0.01}; ///< [m]; several: evenly along the rod, linear
     double young = 1e6, poisson = 0.3, density = 1000.0; ///< [Pa], [kg/m^3]
     std::optional<std::array<double, 2>> bending;        ///< [N m^2]
-    std::optional<double> twisting;                      ///< [N m^2]
+    std::optional<Triple> normal; ///< direction 1 of the section at the begin of the rod
+    std::optional<double> twisting; ///< [N m^2]
     std::string energy = "exact";
     bool is_straight_at_rest = false;
     double rest_twist = 0.0, link = 0.0; ///< [rad/m], turns

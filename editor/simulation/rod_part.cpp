@@ -110,7 +110,8 @@ Rod built(const RodScene& scene, const RodStatement& of, const std::string& wher
         return {curve_of(of, origin),
                 [&of](double share) { return section_of(of, share); },
                 {of.is_straight_at_rest ? RodRest::Straight : RodRest::Given,
-                 of.rest_twist, of.link, of.energy == "discrete" ? 2 : 1}};
+                 of.rest_twist, of.link, of.energy == "discrete" ? 2 : 1,
+                 of.normal ? std::optional(vector_of(*of.normal)) : std::nullopt}};
     }
     catch (const std::invalid_argument& error)
     {

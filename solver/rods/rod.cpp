@@ -78,6 +78,13 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
 {
     if (!(arc_length_.total() > 0.0))
         throw std::invalid_argument("a rod without length");
+    if (const std::optional<Eigen::Vector3d>& normal = settings.normal)
+    {
+        constexpr double kAlong = 1e-6; // sine of the least angle
+        const Eigen::Vector3d t = rest_.at(basis().begin()).first.normalized();
+        if (!(t.cross(*normal).norm() > kAlong * normal->norm()))
+            throw std::invalid_argument("the normal is along the begin of the rod");
+    }
     order_ = basis().degree() + 1;
     num_bending_ = std::max(basis().degree() - 1, 1);
     for (int p = 1; p < num_places(); ++p)
@@ -397,7 +404,11 @@ RodState::RodState(const Rod& rod)
         if (e == 0 || near != spans[e - 1].station[1])
         {
             tangent_[idx(near)] = velocity(e, 0).tangent;
-            reference_[idx(near)] = any_normal(tangent_[idx(near)]);
+            const Eigen::Vector3d& t = tangent_[idx(near)];
+            const std::optional<Eigen::Vector3d>& normal = rod.settings().normal;
+            reference_[idx(near)] = e == 0 && normal
+                                        ? (*normal - t.dot(*normal) * t).normalized()
+                                        : any_normal(t);
         }
         if (far == 0)
             continue;

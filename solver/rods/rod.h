@@ -6,6 +6,7 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -46,6 +47,8 @@ struct RodSettings
     double rest_twist = 0.0; ///< [rad/m], beside that of the rest shape
     double link = 0.0;       ///< turns put into a closed rod before it was joined
     int coupled_spans = 1;   ///< successive ones that an energy couples: 1 or 2
+    /// What direction 1 of the section at the begin is nearest to; nothing: any.
+    std::optional<Eigen::Vector3d> normal = {};
 };
 
 /// Where the unknowns of a rod stand in vectors, so that neighbours along it are
@@ -103,7 +106,7 @@ class Rod
 {
 public:
     /// \p section: at a share of the rest length in [0, 1]. Throws std::invalid_argument
-    /// for a curve without length.
+    /// for a curve without length, and for a normal along it.
     Rod(Spline rest, const std::function<Section(double)>& section,
         const RodSettings& settings);
 

@@ -26,7 +26,7 @@ TEST(RodScene, says_what_stands_in_it_and_defaults_for_the_rest)
     const RodScene scene = parse_rod_scene(
         "s.json",
         scene_of(R"({"name": "a", "through": [[0,0,0],[1,0,0]], "radius": [0.1, 0.2],
-                     "EI": [1, 2], "rest": "straight", "fixed": [{"at": 1,
+                     "EI": [1, 2], "normal": [0, 0, 1], "rest": "straight", "fixed": [{"at": 1,
                      "what": ["point", "twist"], "keys": [{"time": 0},
                      {"time": 2, "translate": [0,1,0], "rotate": [0,0,1,90]}]}],
                      "on": [{"at": 0.5, "plane": [0,2,0,3]}],
@@ -100,6 +100,8 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {"{" + line + R"(, "radius": []})", "rods[0].radius"},
           {"{" + line + R"(, "EI": [1, 0]})", "rods[0].EI"},
           {"{" + line + R"(, "EI": [1]})", "rods[0].EI: need 2 numbers"},
+          {"{" + line + R"(, "EI": [1, 2]})",
+           "rods[0].normal: is missing: two different"},
           {"{" + line + R"(, "nu": 0.6})", "rods[0].nu"},
           {"{" + line + R"(, "closed": 1})", "rods[0].closed: need true or false"},
           {"{" + line + R"(, "link": 1})", "rods[0].link"},

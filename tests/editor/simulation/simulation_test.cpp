@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <sstream>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -1074,6 +1075,45 @@ TEST(Simulation, friction_holds_in_statics_as_in_time)
     both << n.transpose(), m.transpose();
     const Eigen::Vector2d bottom = both.inverse() * Eigen::Vector2d(0.01, 0.01);
     EXPECT_LT((settled(0.0, true) - bottom).norm(), 1e-4);
+}
+
+TEST(Simulation, two_stiffnesses_follow_the_normal_however_the_scene_is_turned)
+{
+    const auto sinks = [](const Eigen::Matrix3d& R, double off)
+    {
+        const auto text = [](const Eigen::Vector3d& v)
+        {
+            std::ostringstream out;
+            out.precision(17);
+            out << "[" << v.x() << "," << v.y() << "," << v.z() << "]";
+            return out.str();
+        };
+        Simulation simulation(
+            scene_of(R"("through": [[0,0,0],)" + text(R * Eigen::Vector3d(1, off, 0)) +
+                         R"(], "EI": [1,100], "GJ": 1, "E": 1e9, "normal": )" +
+                         text(R * Eigen::Vector3d(0, 1, 0)) +
+                         R"(, "fixed": [{"what": ["point","tangent","twist"]}],
+                   "loads": [{"force": )" +
+                         text(R * Eigen::Vector3d(0, 0, -1)) + "}]",
+                     R"({"integrator": "static", "gravity": [0,0,0]})"));
+        simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        return (R.transpose() * simulation.rods(2)[0].curve[1]).z();
+    };
+    const double flat = sinks(Eigen::Matrix3d::Identity(), 0.0);
+    EXPECT_NEAR(flat, -0.30172077, 1e-4); // of EI 1
+    EXPECT_NEAR(sinks(Eigen::Matrix3d::Identity(), 1e-9), flat, 1e-8);
+    for (const Eigen::Vector3d& axis :
+         {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(0, 0, 1)})
+        for (const double angle : {0.3, 0.5 * std::numbers::pi, 2.5})
+            EXPECT_NEAR(
+                sinks(Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix(),
+                      0.0),
+                flat, 1e-6);
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed,
+                 [] { Simulation(scene_of(kLine + R"(, "normal": [2,0,0])", "{}")); }),
+        "s.json: rods[0]: the normal is along the begin of the rod"));
 }
 
 } // namespace cellwarp
