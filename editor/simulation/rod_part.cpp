@@ -180,6 +180,11 @@ void RodPart::add_holds()
             RodConstraint constraint;
             constraint.hold = kind;
             constraint.s = s;
+            if (kind == HoldKind::Spin)
+            {
+                constraint.direction = held_.back().frame.col(0);
+                constraint.tangent = held_.back().frame.col(2);
+            }
             model.constraints.push_back(constraint);
             ++held_.back().count;
         };
@@ -188,10 +193,18 @@ void RodPart::add_holds()
         if (hold.has_tangent)
             add(HoldKind::Tangent);
         if (hold.has_twist)
-            add(HoldKind::TwistAngle);
+            add(has_tangent(hold.at) ? HoldKind::TwistAngle : HoldKind::Spin);
         if (hold.has_curvature)
             add(HoldKind::CurvatureVector);
     }
+}
+
+/// Some hold has the tangent there.
+bool RodPart::has_tangent(double at) const
+{
+    return std::any_of(statement_.holds.begin(), statement_.holds.end(),
+                       [&](const RodHold& hold)
+                       { return hold.has_tangent && hold.at == at; });
 }
 
 void RodPart::add_on()
@@ -366,9 +379,10 @@ double RodPart::length(const Piece& piece) const
 void RodPart::hold_at(double time, double share)
 {
     model.stop_leading();
-    for (const Held& held : held_)
+    for (Held& held : held_)
     {
         const Motion motion = motion_at(*held.keys, time, held.place, share);
+        spin(held, motion.R);
         bring(held, motion(held.place), motion.R, Eigen::Vector3d::Zero(),
               Eigen::Vector3d::Zero());
     }
@@ -381,9 +395,10 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
         const Held* held;
         Motion begin;
         Eigen::Vector3d place, way, turn; ///< axis times angle [rad]
+        double from_spin = 0.0, spin = 0.0;
     };
     std::vector<Way> ways;
-    for (const Held& held : held_)
+    for (Held& held : held_)
     {
         if (held.keys->empty())
             continue;
@@ -392,6 +407,13 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
         const Eigen::Vector3d place = begin(held.place);
         ways.push_back({&held, begin, place, end(held.place) - place,
                         rotation_vector(end.R * begin.R.transpose())});
+        spin(held, begin.R);
+        if (const RodConstraint* const one = spin_of(held))
+        {
+            ways.back().from_spin = one->spin;
+            ways.back().spin = ways.back().turn.dot(state.at(one->s).first.normalized());
+        }
+        held.R = end.R;
     }
     if (ways.empty())
         return;
@@ -409,9 +431,32 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
                                 : one.begin.R;
                 bring(*one.held, one.place + share * one.way, R, one.way / duration,
                       one.turn / duration);
+                if (RodConstraint* const at = spin_of(*one.held))
+                {
+                    at->spin = one.from_spin + share * one.spin;
+                    at->spin_speed = one.spin / duration;
+                }
             }
         },
         duration);
+}
+
+RodConstraint* RodPart::spin_of(const Held& held)
+{
+    for (std::size_t k = held.first; k < held.first + held.count; ++k)
+        if (model.constraints[k].hold == HoldKind::Spin)
+            return &model.constraints[k];
+    return nullptr;
+}
+
+/// Keys have turned a hold to \p R: where the tangent is free the material spins by the
+/// part of that about it.
+void RodPart::spin(Held& held, const Eigen::Matrix3d& R)
+{
+    if (RodConstraint* const one = spin_of(held))
+        one->spin += rotation_vector(R * held.R.transpose())
+                         .dot(state.at(one->s).first.normalized());
+    held.R = R;
 }
 
 /// Sets the constraints of a hold to a place [m] and a turn from rest, and how they move

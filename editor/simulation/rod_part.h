@@ -115,9 +115,13 @@ private:
         Eigen::Vector3d place;
         Eigen::Matrix3d frame;
         Eigen::Vector3d curvature;
+        Eigen::Matrix3d R = Eigen::Matrix3d::Identity(); ///< how far keys have turned it
     };
     void bring(const Held& held, const Eigen::Vector3d& place, const Eigen::Matrix3d& R,
                const Eigen::Vector3d& speed, const Eigen::Vector3d& turning);
+    void spin(Held& held, const Eigen::Matrix3d& R);
+    RodConstraint* spin_of(const Held& held);
+    bool has_tangent(double at) const;
     std::vector<Held> held_;
     /// The slide that the next one with `apart` stays apart from, and by how much.
     std::optional<std::pair<int, double>> last_apart_;

@@ -6,6 +6,12 @@
 //   2 n' . (P' - p') + (w x n') . (P - p)
 // beside that of the rod alone.
 //
+// Spin. The angle of a direction d of the world in the frame has no value where the
+// tangent comes along d. Where nothing holds the tangent a direction is held that goes
+// with it: the shortest turn takes d from the tangent t_0 of the begin of a step to t,
+// and carry() goes on from there. Under du it spins by half of turn_of_hop(t_0, t) . du /
+// l less than the material does.
+//
 // Rows of frames. The material frame F = [m_1 m_2 t] turns by
 //   omega = (t x du) / l + t dphi
 // with u = P' and the spin dphi of elasticity.cpp, the chain of hops ending at s. Two
@@ -16,6 +22,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -181,7 +188,9 @@ RodConstraint moved(const RodConstraint& c, double time)
 {
     RodConstraint out = c;
     out.point += time * c.point_speed;
-    if (const double angle = time * c.turning.norm(); angle != 0.0)
+    out.spin += time * c.spin_speed;
+    if (const double angle = time * c.turning.norm();
+        angle != 0.0 && c.hold != HoldKind::Spin)
         out.direction = rotation_about(c.turning.normalized(), angle) * c.direction;
     return out;
 }
@@ -194,6 +203,16 @@ std::array<Vector3d, 2> across(const Vector3d& n)
 }
 
 } // namespace
+
+void carry(RodConstraint& c, const RodState& state)
+{
+    if (c.hold != HoldKind::Spin)
+        return;
+    const Vector3d t = state.at(c.s).first.normalized();
+    const Vector3d d = transported(c.tangent, t, c.direction);
+    c.direction = (d - t.dot(d) * t).normalized();
+    c.tangent = t;
+}
 
 std::vector<Vector3d> held_directions(const RodConstraint& c)
 {
@@ -217,6 +236,7 @@ int num_rows(HoldKind hold)
     {
     case HoldKind::Plane:
     case HoldKind::TwistAngle:
+    case HoldKind::Spin:
     case HoldKind::Distance:
     case HoldKind::DistanceOfTwo:
         return 1;
@@ -337,6 +357,17 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         form.add(state, values, 1, (t.dot(d) / (in_plane * l)) * t.cross(d));
         rows.push_back(form.row(-angle));
         rows.back().rate = -t.cross(d).dot(c.turning.cross(d)) / in_plane;
+        break;
+    }
+    case HoldKind::Spin:
+    {
+        const Eigen::Matrix3d F = state.frame(c.s);
+        const Vector3d t = F.col(2), wanted = transported(c.tangent, t, c.direction);
+        Form form = spin_form(state, c.s, with_entries);
+        form.add(state, values, 1, turn_of_hop(c.tangent, t) / (2.0 * at.first.norm()));
+        const double angle = std::atan2(F.col(1).dot(wanted), F.col(0).dot(wanted));
+        rows.push_back(form.row(std::remainder(-angle - c.spin, 2.0 * std::numbers::pi)));
+        rows.back().rate = -c.spin_speed;
         break;
     }
     case HoldKind::Frame:

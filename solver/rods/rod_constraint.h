@@ -23,11 +23,12 @@ enum class HoldKind
     CurvatureVector,    ///< P'' = direction; 3 rows
     GeometricCurvature, ///< (u x w) / (l^2 sigma) = direction across the tangent; 2 rows
     TwistAngle,         ///< m_1 towards direction, as far as the tangent lets it; 1 row
-    Frame,              ///< material frame = frame; 3 rows
-    Distance,           ///< |P - point| = distance; 1 row
-    DistanceOfTwo,      ///< |P(s) - P(other)| = distance; 1 row
-    RelativePlace,      ///< P(s) - P(other) = point; 3 rows
-    RelativeFrame       ///< frame(other) = frame(s) * frame; 3 rows
+    Spin,  ///< m_1 at the angle `spin` from direction, which goes with the tangent; 1 row
+    Frame, ///< material frame = frame; 3 rows
+    Distance,      ///< |P - point| = distance; 1 row
+    DistanceOfTwo, ///< |P(s) - P(other)| = distance; 1 row
+    RelativePlace, ///< P(s) - P(other) = point; 3 rows
+    RelativeFrame  ///< frame(other) = frame(s) * frame; 3 rows
 };
 
 struct RodConstraint
@@ -38,9 +39,14 @@ struct RodConstraint
     Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
     Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
     double distance = 0.0; ///< [m]
-    /// How point [m/s] and direction [rad/s] move, of all kinds up to TwistAngle.
+    /// Of Spin: the unit tangent that direction is across, from which the shortest turn
+    /// takes it to that of the state.
+    Eigen::Vector3d tangent = Eigen::Vector3d::UnitX();
+    double spin = 0.0; ///< [rad]
+    /// How point [m/s], direction [rad/s] and spin [rad/s] move, of all kinds up to Spin.
     Eigen::Vector3d point_speed = Eigen::Vector3d::Zero();
     Eigen::Vector3d turning = Eigen::Vector3d::Zero();
+    double spin_speed = 0.0;
     /// The control point that a Point holds instead of a place of the curve; -1: none. Of
     /// rods whose knots do not change.
     int control = -1;
@@ -48,6 +54,9 @@ struct RodConstraint
     /// Point, Plane and Axis.
     int slide = -1;
 };
+
+/// The direction of a Spin goes on from the tangent of a state, where it has come to.
+void carry(RodConstraint& constraint, const RodState& state);
 
 /// Directions in which a constraint on a place holds it: of Point, Plane and Axis.
 std::vector<Eigen::Vector3d> held_directions(const RodConstraint& constraint);

@@ -192,7 +192,14 @@ void RodModel::stop_leading()
     {
         constraint.point_speed.setZero();
         constraint.turning.setZero();
+        constraint.spin_speed = 0.0;
     }
+}
+
+void RodModel::carry(const RodState& state)
+{
+    for (RodConstraint& constraint : constraints)
+        cellwarp::carry(constraint, state);
 }
 
 void RodModel::lead_to(double time)
@@ -208,9 +215,10 @@ bool RodModel::is_led() const
     constexpr double kOver = 1.0 - 1e-9; // of the duration
     return hold_ && time_led_ < kOver * duration_ &&
            std::any_of(constraints.begin(), constraints.end(),
-                       [](const RodConstraint& one) {
+                       [](const RodConstraint& one)
+                       {
                            return !one.point_speed.isZero(0.0) ||
-                                  !one.turning.isZero(0.0);
+                                  !one.turning.isZero(0.0) || one.spin_speed != 0.0;
                        });
 }
 

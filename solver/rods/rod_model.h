@@ -106,6 +106,8 @@ public:
     void lead_to(double time);
     /// Constraints move in the next step.
     bool is_led() const;
+    /// A step begins from \p state: what goes with the curve goes on from there.
+    void carry(const RodState& state);
 
     /// Rows of all constraints, then of the gaps that are closed, the violations, how
     /// fast these change by what moves constraints, and how many rows each has.

@@ -122,6 +122,7 @@ void RodObject::prepare()
 {
     if (revision_ != model_.revision())
         size_up();
+    model_.carry(*state_);
     start_ = *state_;
     double of_mass = 0.0;
     if (is_moving())

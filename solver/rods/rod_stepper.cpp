@@ -358,6 +358,7 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& rod_velocity,
     for (std::size_t k = 0; k < model_.slides.size(); ++k)
         velocity[of_rod + static_cast<int>(k)] = state.sliding[k].speed;
     const double time = model_.time_led();
+    model_.carry(state);
     if (!model_.constraints.empty())
         project_velocity(state, velocity);
     loosen(state, velocity);

@@ -43,6 +43,13 @@ std::vector<RodConstraint> all_at(const RodState& state, double s)
         c.distance = 0.7;
         if (c.hold == HoldKind::TwistAngle)
             c.direction = state.frame(s).col(0) + 0.4 * Eigen::Vector3d(0.3, -0.8, 0.5);
+        if (c.hold == HoldKind::Spin)
+        {
+            const Eigen::Matrix3d F = off * state.frame(s);
+            c.tangent = F.col(2);
+            c.direction = F.col(0);
+            c.spin = 0.2;
+        }
         if (c.hold == HoldKind::Frame)
             c.frame = state.frame(s) * off;
         if (c.hold == HoldKind::RelativeFrame)
@@ -175,18 +182,21 @@ TEST(RodConstraint, rates_are_the_derivatives_by_time_of_constraints_that_move)
     {
         // Rows of two directions turn about the one between them: only their sum of
         // squares is of the constraint.
-        if (one.hold > HoldKind::TwistAngle || one.hold == HoldKind::GeometricCurvature)
+        if (one.hold > HoldKind::Spin || one.hold == HoldKind::GeometricCurvature)
             continue;
         SCOPED_TRACE(static_cast<int>(one.hold));
         RodConstraint c = one;
         c.point_speed = {0.4, 0.1, -0.2};
         c.turning = w;
+        c.spin_speed = 0.6;
         const auto half_square = [&](double time)
         {
             RodConstraint later = c;
             later.point += time * c.point_speed;
-            later.direction =
-                Eigen::AngleAxisd(time * w.norm(), w.normalized()) * c.direction;
+            later.spin += time * c.spin_speed;
+            if (c.hold != HoldKind::Spin)
+                later.direction =
+                    Eigen::AngleAxisd(time * w.norm(), w.normalized()) * c.direction;
             RodState there = state;
             there.move(v, time);
             double sum = 0.0;
