@@ -777,9 +777,6 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
                     read_cut(of, rod.cuts.emplace_back());
                 });
     read_refine(reader, scene, prefix, rod.refine);
-    if ((rod.refine || !rod.cuts.empty()) && rod.spline == "catmull-rom")
-        reader.object().fail("spline",
-                             "Catmull-Rom curves have no knots to refine or cut");
     if (reader.object().find("radius_of_contact"))
         reader.read("radius_of_contact", kTiny, kHuge, rod.contact_radius.emplace(0.0));
     reader.read("skin", rod.has_skin);

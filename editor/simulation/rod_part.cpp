@@ -57,16 +57,7 @@ Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
         return {std::move(basis), std::move(points)};
     };
     if (rod.spline == "catmull-rom")
-        return made(SplineBasis::catmull_rom(n, rod.is_closed));
-    if (rod.spline == "bezier")
-    {
-        if (rod.is_closed || (n % 3 != 1 && n > kMaxOrder) || n < 3)
-            throw std::invalid_argument("Bezier pieces need 4, 7, 10, ... control "
-                                        "points, or 3 to 8 of one piece, "
-                                        "open");
-        return made(
-            SplineBasis::open(n % 3 == 1 ? 3 : n - 1, SplineBasis::bezier_knots(n)));
-    }
+        return catmull_rom(points, rod.is_closed);
     if (rod.spline == "uniform" && !rod.is_closed && n > degree)
         return made(SplineBasis::open(degree, SplineBasis::uniform_knots(degree, n)));
     return spline_by_controls(std::move(points), rod.is_closed, degree);
@@ -74,6 +65,12 @@ Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
 
 Spline curve_of(const RodStatement& rod, const Eigen::Vector3d& origin)
 {
+    if (!rod.points.empty() && rod.spline == "bezier")
+    {
+        if (rod.is_closed)
+            throw std::invalid_argument("Bezier pieces are open");
+        return bezier(vectors_of(rod.points, origin));
+    }
     if (!rod.points.empty())
         return by_controls(rod, merged(vectors_of(rod.points, origin), false));
     return spline_through(merged(vectors_of(rod.through, origin), rod.is_closed),
@@ -140,6 +137,7 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
       statement_(scene.rods[index]), path_(scene.path),
       where_("rods[" + std::to_string(index) + "]"), origin_(origin)
 {
+    warn_of_curve();
     const bool is_exact = statement_.energy == "exact",
                is_discrete = statement_.energy == "discrete";
     model.terms.push_back(
@@ -165,6 +163,36 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
     if (const auto& refine = statement_.refine)
         refinement_.emplace(RefinementSettings{refine->insert, refine->remove,
                                                refine->tolerance, 10, refine->shortest});
+}
+
+/// Of kinks, and of points that are one.
+void RodPart::warn_of_curve()
+{
+    const SplineBasis& basis = rod.basis();
+    for (int e = 0; e < static_cast<int>(basis.spans().size()); ++e)
+        if (basis.smoothness_before(e) == 0)
+        {
+            const Eigen::Vector3d place =
+                origin_ + rod.rest().at(e, basis.spans()[idx(e)].begin).place;
+            warnings.push_back(
+                at({path_, 0, where_ + ".points"},
+                   fmt::format("a kink at ({:.6g}, {:.6g}, {:.6g}) is a hinge without "
+                               "stiffness: handles in line would make it smooth",
+                               place.x(), place.y(), place.z())));
+        }
+    const std::vector<Triple>& points =
+        statement_.points.empty() ? statement_.through : statement_.points;
+    const std::size_t given = points.size(),
+                      left = merged(vectors_of(points, origin_),
+                                    statement_.is_closed && statement_.points.empty())
+                                 .size();
+    const bool closes = statement_.is_closed && statement_.points.empty() && given > 1 &&
+                        points.front() == points.back();
+    if (statement_.spline != "bezier" && left + (closes ? 1 : 0) < given)
+        warnings.push_back(at(
+            {path_, 0, where_ + (statement_.points.empty() ? ".through" : ".points")},
+            fmt::format("neighbours at the same place are one point: {} of {} are left",
+                        left, given)));
 }
 
 void RodPart::add_holds()

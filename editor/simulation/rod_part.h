@@ -99,6 +99,7 @@ public:
 private:
     void add_tube(int around, Geometry& out) const;
     void add_skin(Geometry& out) const;
+    void warn_of_curve();
     void add_holds();
     void add_springs();
     void add_on();

@@ -8,9 +8,9 @@
 //
 // Quadrature. Bending: degree - 1 Gauss points a span. Stretch: the centre of each span,
 // but more points in spans that touch an end or a knot that is less smooth; for cubics
-// two, three where both are such, n - 1 in all, as many as u has dimensions. More would
-// lock slender rods (they would not bend without stretching), fewer would leave
-// mechanisms.
+// two, three where both are such, n - 1 in all, as many as u has dimensions. A knot where
+// the curve is C1 counts for the span before it alone. More would lock slender rods (they
+// would not bend without stretching), fewer would leave mechanisms.
 //
 // Derivatives. Of the angle m_ab about t_b that H(t_a -> t_b) leaves, with
 // chi = 1 + t_a . t_b, beta = 2 t_a x t_b / chi, tt = (t_a + t_b) / chi:
@@ -340,7 +340,9 @@ private:
     {
         const RodSpan& of = rod_.spans()[e];
         const int degree = rod_.basis().degree();
-        const int num_ends = !of.is_smooth[0] + !of.is_smooth[1];
+        const bool follows_bend =
+            rod_.basis().smoothness_before(static_cast<int>(e)) >= 1;
+        const int num_ends = (!of.is_smooth[0] && !follows_bend) + !of.is_smooth[1];
         return num_ends == 0   ? 1
                : num_ends == 1 ? (degree + 2) / 2
                                : std::min(degree, kMaxGaussPlaces);

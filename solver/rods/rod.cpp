@@ -149,7 +149,7 @@ void Rod::find_spans()
 {
     const SplineBasis& basis = rest_.basis;
     const std::vector<SplineSpan>& spans = basis.spans();
-    const int smooth = basis.is_catmull_rom() ? 1 : basis.degree() - 1;
+    const int smooth = basis.degree() - 1;
     spans_.clear();
     int station = 0;
     for (std::size_t e = 0; e < spans.size(); ++e)

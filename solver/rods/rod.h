@@ -111,7 +111,7 @@ public:
         const RodSettings& settings);
 
     /// One knot more. Rest curve, mass and what is between other knots stay the same.
-    /// Throws std::invalid_argument for Catmull-Rom, and at the ends.
+    /// Throws std::invalid_argument at the ends.
     RodChange insert_knot(double s);
     /// One knot less: that of \p removal, of this basis.
     RodChange remove_knot(const KnotRemoval& removal);

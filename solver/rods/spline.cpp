@@ -250,6 +250,74 @@ Spline spline_by_controls(std::vector<Eigen::Vector3d> controls, bool is_closed,
     return {SplineBasis::open(degree, averaged_knots(s, degree)), std::move(controls)};
 }
 
+Spline catmull_rom(std::span<const Eigen::Vector3d> points, bool is_closed)
+{
+    const int n = static_cast<int>(points.size()), count = is_closed ? n : n - 1;
+    if (n < 4)
+        throw std::invalid_argument("a Catmull-Rom curve needs four control points");
+    const auto point = [&](int k) { return points[idx((k + n) % n)]; };
+    // A third of the tangent. What lies beyond an end is mirrored there.
+    const auto third = [&](int k)
+    {
+        const int before = is_closed ? k - 1 : std::max(k - 1, 0),
+                  behind = is_closed ? k + 1 : std::min(k + 1, n - 1);
+        const double span = behind - before;
+        return Eigen::Vector3d((point(behind) - point(before)) / (3.0 * span));
+    };
+    std::vector<double> knots;
+    std::vector<Eigen::Vector3d> controls;
+    for (int e = 0; e < count; ++e)
+    {
+        knots.insert(knots.end(), 2, double(e));
+        controls.push_back(point(e) + third(e));
+        controls.push_back(point(e + 1) - third(e + 1));
+    }
+    if (is_closed)
+    {
+        knots.push_back(double(count));
+        // The first function ends in the first span.
+        std::rotate(controls.rbegin(), controls.rbegin() + 2, controls.rend());
+        return {SplineBasis::closed(3, knots), std::move(controls)};
+    }
+    knots.insert(knots.begin(), 2, 0.0);
+    knots.insert(knots.end(), 4, double(count));
+    controls.insert(controls.begin(), points.front());
+    controls.push_back(points.back());
+    return {SplineBasis::open(3, std::move(knots)), std::move(controls)};
+}
+
+Spline bezier(std::span<const Eigen::Vector3d> points)
+{
+    constexpr double kInLine = 1e-6; // sine of the angle
+    const int n = static_cast<int>(points.size());
+    const bool is_piecewise = n % 3 == 1 && n > 3;
+    if (!is_piecewise && (n > kMaxOrder || n < 3))
+        throw std::invalid_argument("Bezier pieces need 4, 7, 10, ... control points, or "
+                                    "3 to 8 of one piece");
+    const int degree = is_piecewise ? 3 : n - 1;
+    std::vector<double> knots(idx(degree + 1), 0.0);
+    std::vector<Eigen::Vector3d> controls(points.begin(), points.begin() + degree);
+    double end = 1.0, length = 1.0;
+    for (int k = degree; k + 1 < n; k += 3)
+    {
+        const Eigen::Vector3d in = points[idx(k)] - points[idx(k - 1)],
+                              out = points[idx(k + 1)] - points[idx(k)];
+        const double both = in.norm() * out.norm();
+        const bool is_in_line =
+            both > 0.0 && in.dot(out) > 0.0 && in.cross(out).norm() <= kInLine * both;
+        knots.insert(knots.end(), is_in_line ? 2 : 3, end);
+        // C1 joins follow from the points beside them.
+        if (!is_in_line)
+            controls.push_back(points[idx(k)]);
+        controls.insert(controls.end(), {points[idx(k + 1)], points[idx(k + 2)]});
+        length = is_in_line ? length * out.norm() / in.norm() : 1.0;
+        end += length;
+    }
+    controls.push_back(points.back());
+    knots.insert(knots.end(), idx(degree + 1), end);
+    return {SplineBasis::open(degree, std::move(knots)), std::move(controls)};
+}
+
 std::vector<double> averaged_knots(std::span<const double> parameters, int degree)
 {
     std::vector<double> knots(idx(degree + 1), parameters.front());
@@ -330,8 +398,6 @@ namespace
 /// k of U_k <= s < U_{k+1}.
 int knot_before(const SplineBasis& basis, double s)
 {
-    if (basis.is_catmull_rom())
-        throw std::invalid_argument("Catmull-Rom curves have no knots");
     const std::vector<double>& U = basis.knots();
     const int d = basis.degree();
     return static_cast<int>(
@@ -417,8 +483,6 @@ Spline with_knot(const Spline& spline, double s)
 Spline refined(const Spline& spline, int parts)
 {
     const SplineBasis& basis = spline.basis;
-    if (basis.is_catmull_rom())
-        throw std::invalid_argument("Catmull-Rom curves have no knots");
     const int d = basis.degree(), n = basis.num_controls();
     const std::vector<double>& U = basis.knots();
     if (parts < 2)
@@ -472,7 +536,8 @@ Spline refined(const Spline& spline, int parts)
     // One turn, from the begin on; its first functions reach back before it.
     const std::size_t begin =
         idx(std::find(knots.begin(), knots.end(), basis.begin()) - knots.begin());
-    const std::size_t count = idx(n * parts);
+    const std::size_t count =
+        idx(n + (parts - 1) * static_cast<int>(basis.spans().size()));
     const std::vector<double> turn(knots.begin() + static_cast<std::ptrdiff_t>(begin),
                                    knots.begin() +
                                        static_cast<std::ptrdiff_t>(begin + count + 1));
@@ -489,7 +554,7 @@ std::optional<KnotRemoval> KnotRemoval::at(const SplineBasis& basis, int span)
 {
     const int d = basis.degree();
     const bool is_end = span == 0 && !basis.is_closed();
-    if (basis.is_catmull_rom() || is_end || basis.num_controls() <= d + 1)
+    if (is_end || basis.num_controls() <= d + 1)
         return std::nullopt;
     const double s = basis.spans()[idx(span)].begin;
     std::vector<double> knots = basis.knots();

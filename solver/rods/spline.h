@@ -52,6 +52,17 @@ std::vector<Eigen::Vector3d> few_points(std::span<const Eigen::Vector3d> line,
 Spline spline_by_controls(std::vector<Eigen::Vector3d> controls, bool is_closed,
                           int degree = 3);
 
+/// Through \p points, with the tangent at each along the way from the one before it to
+/// the one behind, at ends along the way to the neighbour [Catmull74]: C1, spans of
+/// length 1, two knots at each point. Throws std::invalid_argument for fewer than four.
+Spline catmull_rom(std::span<const Eigen::Vector3d> points, bool is_closed);
+
+/// Cubic Bezier pieces between every third of \p points; or one piece of a higher degree,
+/// or a lower one, of up to kMaxOrder points. Pieces whose handles are in line, to 1e-6
+/// rad, join C1, their parameters in the ratio of the handles; others kink. Throws
+/// std::invalid_argument for other counts.
+Spline bezier(std::span<const Eigen::Vector3d> points);
+
 /// Clamped knots at the means of \p degree successive of these ascending parameters, one
 /// a control point.
 std::vector<double> averaged_knots(std::span<const double> parameters, int degree);

@@ -47,23 +47,6 @@ SplineBasis SplineBasis::closed(int degree, std::span<const double> knots)
     return basis;
 }
 
-SplineBasis SplineBasis::catmull_rom(int num_controls, bool is_closed)
-{
-    if (num_controls < 4)
-        throw std::invalid_argument("a Catmull-Rom curve needs four control points");
-    SplineBasis basis;
-    basis.is_catmull_rom_ = true;
-    basis.is_closed_ = is_closed;
-    basis.num_controls_ = num_controls;
-    const int count = is_closed ? num_controls : num_controls - 1;
-    for (int e = 0; e < count; ++e)
-    {
-        basis.spans_.push_back({double(e), e + 1.0});
-        basis.knot_of_span_.push_back(e);
-    }
-    return basis;
-}
-
 std::vector<double> SplineBasis::clamped_knots(int degree, int num_controls)
 {
     std::vector<double> knots;
@@ -77,18 +60,6 @@ std::vector<double> SplineBasis::uniform_knots(int degree, int num_controls)
     std::vector<double> knots;
     for (int i = 0; i <= num_controls + degree; ++i)
         knots.push_back(i - degree);
-    return knots;
-}
-
-std::vector<double> SplineBasis::bezier_knots(int num_controls)
-{
-    const bool is_piecewise = num_controls % 3 == 1;
-    const int degree = is_piecewise ? 3 : num_controls - 1;
-    std::vector<double> knots(idx(degree + 1), 0.0);
-    const int pieces = is_piecewise ? (num_controls - 1) / 3 : 1;
-    for (int piece = 1; piece < pieces; ++piece)
-        knots.insert(knots.end(), idx(degree), double(piece));
-    knots.insert(knots.end(), idx(degree + 1), double(pieces));
     return knots;
 }
 
@@ -109,8 +80,6 @@ int SplineBasis::smoothness_before(int span) const
 {
     if (span == 0 && !is_closed_)
         return -1;
-    if (is_catmull_rom_)
-        return 1;
     const double knot = spans_[idx(span)].begin;
     int multiplicity = 0;
     for (int k = knot_of_span_[idx(span)]; k >= 0 && knots_[idx(k)] == knot; --k)
@@ -120,9 +89,6 @@ int SplineBasis::smoothness_before(int span) const
 
 int SplineBasis::first_control(int span) const
 {
-    if (is_catmull_rom_)
-        return is_closed_ ? (span - 1 + num_controls_) % num_controls_
-                          : std::clamp(span - 1, 0, num_controls_ - 4);
     return knot_of_span_[idx(span)] - degree_;
 }
 
@@ -155,34 +121,6 @@ BasisValues SplineBasis::values_in(int span, double s) const
     BasisValues out;
     out.count = degree_ + 1;
     const int n = num_controls_;
-    if (is_catmull_rom_)
-    {
-        const double f = s - spans_[idx(span)].begin, f2 = f * f, f3 = f2 * f;
-        const double b[3][4] = {
-            {-f + 2 * f2 - f3, 2 - 5 * f2 + 3 * f3, f + 4 * f2 - 3 * f3, -f2 + f3},
-            {-1 + 4 * f - 3 * f2, -10 * f + 9 * f2, 1 + 8 * f - 9 * f2, -2 * f + 3 * f2},
-            {4 - 6 * f, -10 + 18 * f, 8 - 18 * f, -2 + 6 * f}};
-        const int first = is_closed_ ? span - 1 : std::clamp(span - 1, 0, n - 4);
-        for (int j = 0; j < 4; ++j)
-            out.control[idx(j)] = is_closed_ ? (first + j + n) % n : first + j;
-        for (int order = 0; order < 3; ++order)
-            for (int j = 0; j < 4; ++j)
-            {
-                const double value = 0.5 * b[order][j];
-                const int control = span - 1 + j;
-                const auto add = [&](int at, double share)
-                { out.value[idx(order)][idx(at - first)] += share * value; };
-                // Beyond the ends: q_-1 = 2 q_0 - q_1, likewise behind.
-                if (is_closed_ || (control >= 0 && control < n))
-                    add(is_closed_ ? first + j : control, 1.0);
-                else
-                {
-                    add(control < 0 ? 0 : n - 1, 2.0);
-                    add(control < 0 ? 1 : n - 2, -1.0);
-                }
-            }
-        return out;
-    }
     const int p = degree_, k = knot_of_span_[idx(span)];
     // Values of all degrees up to p: of degree r at [r][0 ... r], from function k - r on.
     double b[kMaxOrder][kMaxOrder] = {};

@@ -36,28 +36,21 @@ public:
     /// B-splines of \p degree with these knots, ascending, control points + degree + 1 of
     /// them. Throws std::invalid_argument.
     static SplineBasis open(int degree, std::vector<double> knots);
-    /// Periodic: \p knots of one turn, ascending, with both ends of it: as many spans as
+    /// Periodic: \p knots of one turn, ascending, with both ends of it, one more than
     /// control points.
     static SplineBasis closed(int degree, std::span<const double> knots);
-    /// Interpolates its control points, C1, with spans of length 1; what lies beyond its
-    /// ends is mirrored there.
-    static SplineBasis catmull_rom(int num_controls, bool is_closed);
 
     /// Knots 0, 1, 2, ... that are clamped at both ends, or not.
     static std::vector<double> clamped_knots(int degree, int num_controls);
     static std::vector<double> uniform_knots(int degree, int num_controls);
-    /// Cubic pieces through every third point; or one piece of degree \p num_controls
-    /// - 1.
-    static std::vector<double> bezier_knots(int num_controls);
 
     int degree() const { return degree_; }
     int num_controls() const { return num_controls_; }
     bool is_closed() const { return is_closed_; }
-    bool is_catmull_rom() const { return is_catmull_rom_; }
     double begin() const { return spans_.front().begin; }
     double end() const { return spans_.back().end; }
     const std::vector<SplineSpan>& spans() const { return spans_; }
-    /// All knots, with those beyond the ends; empty for Catmull-Rom.
+    /// All knots, with those beyond the ends.
     const std::vector<double>& knots() const { return knots_; }
     /// How often the curve can be derived across the knot where span \p e begins, up to
     /// the degree: -1 a gap, 0 a kink. At open ends -1.
@@ -79,7 +72,7 @@ private:
     void find_spans();
 
     int degree_ = 3, num_controls_ = 0;
-    bool is_closed_ = false, is_catmull_rom_ = false;
+    bool is_closed_ = false;
     std::vector<double> knots_;
     std::vector<SplineSpan> spans_;
     std::vector<int> knot_of_span_; ///< the last knot that is not beyond its begin

@@ -270,7 +270,7 @@ RodScene scene_of(Choices choose)
         rod.loads.push_back({choose.share(), choose.place(), choose.place()});
     if (choose.below(2) == 0)
         add_joined(choose, scene);
-    if (choose.below(2) == 0 && rod.spline != "catmull-rom")
+    if (choose.below(2) == 0)
         add_changes(choose, scene);
     scene.integrator = kRules[choose.below(4)];
     scene.dt = 1e-3 * kScales[choose.below(3)];

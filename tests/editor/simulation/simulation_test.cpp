@@ -137,6 +137,7 @@ TEST(Simulation, curves_that_cannot_be_are_named)
     for (const std::string curve :
          {R"("through": [[0,0,0],[0,0,0]])", R"("points": [[0,0,0],[1,0,0],[2,0,0]])",
           R"("points": [[0,0,0],[0,0,0],[0,0,0],[0,0,0],[0,0,0]])",
+          R"("points": [[0,0,0],[1,0,0],[0,0,0],[1,0,0]])",
           R"("spline": "catmull-rom", "points": [[0,0,0],[1,0,0],[2,0,0]])",
           R"("spline": "bezier", "points": [[0,0,0],[1,0,0]])",
           R"("closed": true, "through": [[0,0,0],[1,0,0],[0,1,0]])"})
@@ -1167,6 +1168,56 @@ TEST(Simulation, keys_twist_what_is_free_to_turn_by_the_part_about_it)
     EXPECT_NEAR(energy(R"(["point","twist"])", "[1,0,0,90]"), with_tangent,
                 1e-6 * with_tangent);
     EXPECT_LT(energy(R"(["point","twist"])", "[0,1,0,90]"), 1e-6 * with_tangent);
+}
+
+TEST(Simulation, cantilevers_of_every_spline_bend_as_theory_says)
+{
+    // P L^2 / EI = 1 of slender rods, 7 to 31 points: the tip is at 0.30172077 L.
+    const auto off = [](const std::string& kind, int count, double slender)
+    {
+        const double radius = 2.0 / std::sqrt(slender),
+                     young = slender / (std::numbers::pi * radius * radius);
+        std::string points;
+        for (int k = 0; k < count; ++k)
+            points +=
+                (k ? ",[" : "[") + std::to_string(double(k) / (count - 1)) + ",0,0]";
+        std::ostringstream text;
+        text << R"("points": [)" << points << R"(], "spline": ")" << kind
+             << R"(", "radius": )" << radius << R"(, "E": )" << young
+             << R"(, "fixed": [{"what": ["point","tangent","twist"]}],
+                    "loads": [{"force": [0,-1,0]}])";
+        Simulation simulation(
+            scene_of(text.str(), R"({"integrator": "static", "gravity": [0,0,0]})"));
+        EXPECT_TRUE(simulation.warnings().empty());
+        simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        return std::abs(-simulation.rods(2)[0].curve[1].y() / 0.30172077 - 1.0);
+    };
+    for (const std::string kind : {"catmull-rom", "bezier", "nonuniform"})
+        for (const double slender : {4e4, 1e9})
+        {
+            SCOPED_TRACE(kind);
+            EXPECT_LT(off(kind, 7, slender), 0.05);
+            EXPECT_LT(off(kind, 16, slender), 0.01);
+            EXPECT_LT(off(kind, 31, slender), 0.005);
+        }
+}
+
+TEST(Simulation, a_kink_of_bezier_pieces_is_named_and_a_corner_that_goes_as_well)
+{
+    const auto warnings = [](const std::string& curve)
+    { return Simulation(scene_of(curve, "{}")).warnings(); };
+    const std::vector<std::string> kinks = warnings(
+        R"("spline": "bezier", "points": [[0,0,0],[1,0,0],[2,0,0],[3,0,0],[3,1,0],
+           [3,2,0],[3,3,0]])");
+    ASSERT_EQ(kinks.size(), 1u);
+    EXPECT_TRUE(contains(kinks[0], "rods[0].points: a kink at (3, 0, 0) is a hinge"));
+    const std::vector<std::string> merged = warnings(
+        R"("points": [[0,0,0],[1,0,0],[2,0,0],[2,0,0],[2,0,0],[2,1,0],[2,2,0]])");
+    ASSERT_EQ(merged.size(), 1u);
+    EXPECT_TRUE(contains(merged[0],
+                         "rods[0].points: neighbours at the same place are one "
+                         "point: 5 of 7 are left"));
 }
 
 } // namespace cellwarp

@@ -37,12 +37,10 @@ std::vector<Spline> splines()
         std::vector<double> turn = {0.0, 1.0, 1.5, 2.5, 4.0, 5.0, 6.0, 6.2, 7.0, 8.0};
         all.push_back({SplineBasis::closed(degree, turn), random_points(9, 3)});
     }
-    all.push_back({SplineBasis::catmull_rom(9, false), random_points(9, 4)});
-    all.push_back({SplineBasis::catmull_rom(9, true), random_points(9, 5)});
-    all.push_back(
-        {SplineBasis::open(3, SplineBasis::bezier_knots(10)), random_points(10, 6)});
-    all.push_back(
-        {SplineBasis::open(4, SplineBasis::bezier_knots(5)), random_points(5, 7)});
+    all.push_back(catmull_rom(random_points(9, 4), false));
+    all.push_back(catmull_rom(random_points(9, 5), true));
+    all.push_back(bezier(random_points(10, 6)));
+    all.push_back(bezier(random_points(5, 7)));
     return all;
 }
 
@@ -73,8 +71,6 @@ TEST(Spline, knots_come_in_without_moving_the_curve)
 {
     for (const Spline& spline : splines())
     {
-        if (spline.basis.is_catmull_rom())
-            continue;
         for (const double share : {0.0, 0.31, 0.5, 0.77})
         {
             const double begin = spline.basis.begin(), end = spline.basis.end();
@@ -93,8 +89,6 @@ TEST(Spline, is_refined_without_moving)
 {
     for (const Spline& spline : splines())
     {
-        if (spline.basis.is_catmull_rom())
-            continue;
         const Spline finer = refined(spline, 3);
         EXPECT_EQ(finer.basis.spans().size(), 3 * spline.basis.spans().size());
         const double begin = spline.basis.begin(), end = spline.basis.end();
@@ -142,7 +136,6 @@ TEST(Spline, a_knot_that_was_put_in_comes_out_again)
     }
     EXPECT_FALSE(
         KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)), 0));
-    EXPECT_FALSE(KnotRemoval::at(SplineBasis::catmull_rom(6, false), 2));
     EXPECT_FALSE(
         KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 4)), 0));
 }
@@ -230,9 +223,55 @@ TEST(Spline, what_is_no_curve_is_refused)
     refused([&] { spline_through(points, false, 0); });
     refused([&] { spline_through(points, true, 1, 6); });
     refused([&] { spline_through(points, false, 1, 6); });
-    const Spline through{SplineBasis::catmull_rom(5, false), points};
-    refused([&] { with_knot(through, 0.5); });
-    refused([&] { refined(through, 2); });
+    refused([&] { catmull_rom(std::span(points).first(3), false); });
+    refused([&] { bezier(std::span(points).first(2)); });
+    refused([] { bezier(random_points(9, 3)); });
+}
+
+TEST(Spline, catmull_rom_goes_through_its_points_along_the_way_between_their_neighbours)
+{
+    const auto points = random_points(7, 8);
+    for (const bool is_closed : {false, true})
+    {
+        const Spline spline = catmull_rom(points, is_closed);
+        for (int k = 0; k < 7; ++k)
+        {
+            const CurvePoint at = spline.at(double(k));
+            EXPECT_LT((at.place - points[idx(k)]).norm(), 1e-14);
+            if (!is_closed && (k == 0 || k == 6))
+                continue;
+            EXPECT_LT(
+                (at.first - 0.5 * (points[idx((k + 1) % 7)] - points[idx((k + 6) % 7)]))
+                    .norm(),
+                1e-13);
+        }
+        EXPECT_EQ(spline.basis.smoothness_before(3), 1);
+    }
+}
+
+TEST(Spline, bezier_pieces_are_smooth_where_handles_are_in_line_and_kink_elsewhere)
+{
+    // Handles of different lengths in line at the third point, none at the sixth.
+    const std::vector<Eigen::Vector3d> points = {
+        {0, 0, 0}, {1, 0, 0}, {2, 1, 0}, {3, 2, 0}, {3.5, 2.5, 0},
+        {4, 3, 1}, {5, 3, 0}, {6, 2, 0}, {7, 2, 1}, {8, 2, 0}};
+    const Spline spline = bezier(points);
+    ASSERT_EQ(spline.basis.spans().size(), 3u);
+    EXPECT_EQ(spline.basis.smoothness_before(1), 1);
+    EXPECT_EQ(spline.basis.smoothness_before(2), 0);
+    EXPECT_EQ(spline.controls.size(), points.size() - 1);
+    for (int piece = 0; piece < 3; ++piece)
+        for (const double t : {0.0, 0.3, 0.5, 0.9, 1.0})
+        {
+            const auto p = [&](int k) { return points[idx(3 * piece + k)]; };
+            const double u = 1.0 - t;
+            const Eigen::Vector3d place = u * u * u * p(0) + 3 * u * u * t * p(1) +
+                                          3 * u * t * t * p(2) + t * t * t * p(3);
+            const SplineSpan& span = spline.basis.spans()[idx(piece)];
+            EXPECT_LT(
+                (spline.at(piece, span.begin + t * span.length()).place - place).norm(),
+                1e-14);
+        }
 }
 
 TEST(ArcLength, of_a_circle_is_even_and_its_inverse_finds_back)
