@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "io/bytes.h"
+#include "io/error.h"
 #include "io/json_object.h"
 #include "io/text.h"
 
@@ -60,7 +63,8 @@ void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings
     JsonObject simulate(*value, path, "simulate.", warnings);
     read(simulate, "dt", 1e-12, 1e6, out.dt);
     read(simulate, "duration", 0.0, 1e9, out.duration);
-    read(simulate, "every", 1e-12, 1e9, out.every);
+    std::optional<double> every;
+    simulate.read("every", Between<double>{1e-12, 1e9}, every);
     std::optional<std::string> integrator;
     simulate.read("integrator", OneOf{{"implicit-euler", "midpoint", "rk4", "static"}},
                   integrator);
@@ -69,6 +73,21 @@ void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings
         out.gravity = simulate.vector("gravity", *gravity);
     read(simulate, "viscosity", 0.0, 1e30, out.viscosity);
     simulate.warn_of_the_rest();
+    const double steps = every.value_or(out.every) / out.dt,
+                 whole = std::max(std::round(steps), 1.0);
+    constexpr double kWhole = 1e-6; // of them
+    if (every && !out.is_static() && std::abs(steps - whole) > kWhole * whole)
+        simulate.fail("every",
+                      fmt::format("got {} s, which is no whole number of steps of "
+                                  "{} s: the nearest is {:.6g} s",
+                                  *every, out.dt, whole * out.dt));
+    out.every = whole * out.dt;
+    if (!out.is_static() && out.duration > 0.0 && out.num_steps() == 0)
+        warnings.push_back(
+            at({path, 0, "simulate.duration"},
+               fmt::format("{} s is less than half a step of {} s: nothing "
+                           "moves",
+                           out.duration, out.dt)));
     if (out.duration / out.dt > 1e9)
         simulate.fail("duration", "takes more than 1e9 steps of dt");
 }

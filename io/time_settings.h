@@ -19,7 +19,7 @@ inline constexpr double kStepOfFlesh = 1.0 / 120.0;
 
 struct TimeSettings
 {
-    double dt = 1e-3, duration = 1.0, every = 1.0 / 30.0; ///< [s]
+    double dt = 1e-3, duration = 1.0, every = 1.0 / 30.0; ///< [s]; every: whole steps
     std::string integrator = "implicit-euler";
     Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]
     double viscosity = 0.0;          ///< [N s/m^2]
@@ -34,7 +34,7 @@ struct TimeSettings
 };
 
 /// The keys "unit" and "simulate" of the scene at \p path; what they leave out stays as
-/// it is. Throws Fault::Malformed.
+/// it is, but for frames, which are whole steps then. Throws Fault::Malformed.
 void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings& out,
                         std::vector<std::string>& warnings);
 

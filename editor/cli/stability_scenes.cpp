@@ -246,15 +246,15 @@ ExtremeScene in_time(const std::string& group, const std::string& name,
 void add_rods(std::vector<ExtremeScene>& scenes, std::int64_t long_steps)
 {
     for (const char* young : {"1e3", "1e6", "1e9", "1e12", "1e15"})
-        for (const char* dt : {"0.0001", "0.001", "0.0033", "0.01", "0.033"})
+        for (const double dt : {0.0001, 0.001, 0.0033, 0.01, 0.033})
         {
             scenes.push_back(in_time(
                 "rods: E and dt", fmt::format("rod-E{}-dt{}", young, dt),
                 fmt::format("{{\"cellwarp\": 1, \"rods\": [{{\"name\": \"rod\", "
                             "\"through\": [[0,0,0],[0.5,0,0],[1,0,0]], \"radius\": 0.01, "
                             "\"E\": {}, \"fixed\": [{{\"at\": 0}}]}}], \"simulate\": "
-                            "{{\"dt\": {}, \"duration\": 0.33, \"every\": 0.033}}}}",
-                            young, dt)));
+                            "{{\"dt\": {}, \"duration\": 0.33, \"every\": {}}}}}",
+                            young, dt, std::round(0.033 / dt) * dt)));
             scenes.back().is_left_alone = true;
         }
     for (const char* friction : {"0", "0.3"})

@@ -91,6 +91,30 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
         cubes_of_steps_ += std::pow(place(p) - place(p - 1), 3);
     find_spans();
     const double still = 1e-12 * arc_length_.total() / (basis().end() - basis().begin());
+    // Between the places that are looked at it may stand still or turn back, too.
+    Eigen::Vector3d before = Eigen::Vector3d::Zero();
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+    {
+        constexpr int kParts = 16;
+        constexpr double kBack = -1.0 + 1e-9; // cosine
+        if (basis().smoothness_before(static_cast<int>(e)) < 1)
+            before.setZero();
+        for (int k = 0; k <= kParts; ++k)
+        {
+            const RodSpan& span = spans_[e];
+            const Eigen::Vector3d u =
+                rest_
+                    .at(static_cast<int>(e),
+                        span.begin + (span.end - span.begin) * k / kParts)
+                    .first;
+            if (!(u.norm() > still))
+                throw std::invalid_argument(
+                    "a rod that stands still at a place of its curve");
+            if (before.dot(u.normalized()) < kBack)
+                throw std::invalid_argument("a rod whose curve turns straight back");
+            before = u.normalized();
+        }
+    }
     for (std::size_t e = 0; e < spans_.size(); ++e)
     {
         find_places(e, spans_.size());

@@ -335,4 +335,31 @@ TEST(RodScene, warns_of_what_a_curve_has_no_use_for)
     EXPECT_TRUE(warnings(points + R"(, "spline": "uniform", "degree": 3)").empty());
 }
 
+TEST(RodScene, frames_are_whole_steps)
+{
+    const auto scene = [](const std::string& simulate)
+    {
+        return parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [{"through":
+            [[0,0,0],[1,0,0]]}], "simulate": )" +
+                                             simulate + "}");
+    };
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&] { scene(R"({"dt": 0.02, "every": 0.03})"); }),
+        "simulate.every: got 0.03 s, which is no whole number of steps of 0.02 s: the "
+        "nearest is 0.04 s"));
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&] { scene(R"({"dt": 0.02, "every": 0.001})"); }),
+        "the nearest is 0.02 s"));
+    EXPECT_EQ(scene(R"({"dt": 0.004, "every": 0.06})").steps_a_frame(), 15);
+    // The default is the whole number of steps that is nearest to 1/30 s.
+    EXPECT_DOUBLE_EQ(scene(R"({"dt": 0.02})").every, 0.04);
+    EXPECT_DOUBLE_EQ(scene("{}").every, 0.033);
+    EXPECT_TRUE(scene(R"({"dt": 0.02, "duration": 0.011})").warnings.empty());
+    const RodScene still = scene(R"({"dt": 0.02, "duration": 0.009})");
+    ASSERT_EQ(still.warnings.size(), 1u);
+    EXPECT_TRUE(
+        contains(still.warnings[0],
+                 "simulate.duration: 0.009 s is less than half a step of 0.02 s"));
+}
+
 } // namespace cellwarp
