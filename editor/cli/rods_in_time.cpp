@@ -77,6 +77,8 @@ Json told_of_rods(std::int64_t frame, const SimulationReport& report,
                 {"rods", std::move(rods)},
                 {"bodies", std::move(bodies)},
                 {"nets", std::move(nets)}};
+    if (report.at_once > 0)
+        out["at_once"] = report.at_once;
     Json sheets = Json::array();
     for (const SimulatedSheet& sheet : simulation.sheets(kSheetPlaces))
     {
@@ -106,6 +108,10 @@ std::string problem_of_rods(const SimulationReport& report)
     if (report.violation > 1e-9)
         what += fmt::format("; constraints are violated by up to {:.3g} (m, or rad)",
                             report.violation);
+    if (report.at_once > 0)
+        what += fmt::format("; {} steps were not cut in parts, since those before them "
+                            "failed in all of theirs",
+                            report.at_once);
     return what;
 }
 

@@ -893,6 +893,7 @@ void Simulation::advance(Group& group, double begin, double dt)
 void Simulation::take(Group& group, const StepReport& report)
 {
     group.violation = report.violation;
+    at_once_ += report.is_at_once;
     if (report.stop == MotionStop::Converged || stop_ != "converged")
         return;
     stop_ = stop_name(report.stop);
@@ -957,6 +958,7 @@ SimulationReport Simulation::report()
         out.touching = parts_->touching_energy;
     }
     out.iterations = std::exchange(iterations_, 0);
+    out.at_once = std::exchange(at_once_, 0);
     out.stop = std::exchange(stop_, "converged");
     out.is_converged = out.stop == "converged";
     out.stopped = std::exchange(stopped_, "");

@@ -84,6 +84,8 @@ struct SimulationReport
     double touching = 0.0;          ///< what they are pressed with [J]
     std::optional<double> nearest;  ///< distance of what is near, of its thickness
     bool is_converged = true;
+    /// Steps that were not cut since those before them had failed in all their parts.
+    std::int64_t at_once = 0;
 };
 
 class Simulation
@@ -160,7 +162,7 @@ private:
     std::unique_ptr<Parts> parts_;
     std::vector<std::unique_ptr<Group>> groups_; ///< what is joined goes together
     std::vector<std::string> warnings_;
-    std::int64_t done_ = 0, iterations_ = 0;
+    std::int64_t done_ = 0, iterations_ = 0, at_once_ = 0;
     std::string stop_ = "converged", stopped_;
     double stopped_violation_ = 0.0;
 };

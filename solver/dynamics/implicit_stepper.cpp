@@ -18,6 +18,9 @@ constexpr int kMostParts = 1 << 8;
 /// it comes out.
 constexpr int kMostIterations = 1000, kFailedTry = 10, kNoDescent = 60;
 constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
+/// After so many steps whose parts all fail the next ones are not cut any more, until one
+/// goes well.
+constexpr int kFailedSteps = 2;
 constexpr int kIterations = 40;
 
 } // namespace
@@ -36,12 +39,13 @@ StepReport ImplicitStepper::step(double step)
     report.stop = MotionStop::Converged;
     // Counted in the smallest parts, so that they add up to the whole step.
     int done = 0, work = 0;
+    report.is_at_once = num_failed_ >= kFailedSteps;
     while (done < kMostParts)
     {
         int length = kMostParts / parts_;
         while (done % length != 0)
             length /= 2;
-        const bool is_given_up = work >= kMostIterations;
+        const bool is_given_up = report.is_at_once || work >= kMostIterations;
         if (is_given_up)
             length = kMostParts - done;
         const double part = step * length / kMostParts;
@@ -57,6 +61,9 @@ StepReport ImplicitStepper::step(double step)
             // What has not gone anywhere has not lost its velocity.
             if (!is_solved(stop) && report.iterations - before <= 1)
                 undo();
+            if (is_given_up)
+                num_failed_ =
+                    is_good ? num_failed_ - 1 : std::min(num_failed_ + 1, kFailedSteps);
             done += length;
             ++report.parts;
             if (stop != MotionStop::Converged)
@@ -75,6 +82,8 @@ StepReport ImplicitStepper::step(double step)
         parts_ = std::min(2 * (kMostParts / length), kMostParts);
         num_good_ = 0;
     }
+    if (work < kMostIterations && !report.is_at_once)
+        num_failed_ = 0;
     return report;
 }
 

@@ -17,6 +17,9 @@ struct StepReport
     int iterations = 0, parts = 0;
     double violation = 0.0;
     int num_dropped = 0;
+    /// The steps before it failed in all their parts: it was taken at once, as it came
+    /// out.
+    bool is_at_once = false;
 };
 
 class ImplicitStepper
@@ -43,8 +46,9 @@ private:
     Coupling* coupling_;
     Articulation all_;
     double noise_;
-    int parts_ = 1;    ///< of a step, as a power of 2
-    int num_good_ = 0; ///< parts that went well since the last change
+    int parts_ = 1;      ///< of a step, as a power of 2
+    int num_good_ = 0;   ///< parts that went well since the last change
+    int num_failed_ = 0; ///< successive steps that found no parts that go well
 };
 
 } // namespace cellwarp

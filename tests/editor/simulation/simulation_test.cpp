@@ -1220,4 +1220,30 @@ TEST(Simulation, a_kink_of_bezier_pieces_is_named_and_a_corner_that_goes_as_well
                          "point: 5 of 7 are left"));
 }
 
+TEST(Simulation, steps_that_fail_again_and_again_are_not_cut_for_ever)
+{
+    // Two holds that keys drive through each other's rod, which nothing can follow.
+    Simulation simulation(parse_rod_scene("s.json",
+                                          R"({"cellwarp": 1, "rods": [
+            {"through": [[0,0,-0.2],[0,0,0.2]], "E": 1e9, "fixed": [
+              {"at": 0, "keys": [{"time": 0}, {"time": 0.02, "translate": [100,0,0]}]},
+              {"at": 1, "keys": [{"time": 0}, {"time": 0.02, "translate": [100,0,0]}]}]},
+            {"through": [[0.05,-0.2,0],[0.05,0.2,0]], "E": 1e9,
+              "fixed": [{"at": 0}, {"at": 1}]}],
+            "contact": true,
+            "simulate": {"dt": 1e-3, "duration": 0.02, "every": 1e-3,
+                         "gravity": [0,0,0]}})"));
+    std::int64_t at_once = 0, most_after = 0;
+    for (int step = 0; step < 20; ++step)
+    {
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        at_once += report.at_once;
+        if (report.at_once > 0)
+            most_after = std::max(most_after, report.iterations);
+    }
+    EXPECT_GT(at_once, 0);
+    EXPECT_LE(most_after, 40);
+}
+
 } // namespace cellwarp
