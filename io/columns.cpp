@@ -2,8 +2,10 @@
 #include "io/columns.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
+#include <span>
 
 #include "io/number.h"
 
@@ -35,6 +37,59 @@ Token trimmed(std::string_view text, std::uint64_t start)
     return {text, start};
 }
 
+/// A field without double quotes around it.
+Token unquoted(const Token& field)
+{
+    if (field.text.size() < 2 || field.text.front() != '"' || field.text.back() != '"')
+        return field;
+    return trimmed(field.text.substr(1, field.text.size() - 2), field.start + 1);
+}
+
+/// The number of points that a line is.
+std::optional<std::int64_t> count_in(std::string_view line)
+{
+    const std::optional<std::int64_t> count = parse_integer(trimmed(line, 0).text);
+    return count && *count >= 0 ? count : std::nullopt;
+}
+
+bool is_byte(std::string_view text)
+{
+    const bool is_whole = text.find_first_not_of("0123456789") == std::string_view::npos;
+    return is_whole && parse_double(text).value_or(256.0) <= 255.0;
+}
+
+enum class Kind
+{
+    UnitNormal,
+    NoNormal, ///< not finite: it is none, but no colour either
+    Other
+};
+
+/// Of columns 4 to 6.
+Kind kind_of(std::span<const Token> fields)
+{
+    std::array<double, 3> n;
+    bool is_colour = true;
+    for (std::size_t k = 0; k < 3; ++k)
+    {
+        const Token field = unquoted(fields[k]);
+        const std::optional<double> value = parse_double(field.text);
+        if (!value)
+            return Kind::Other;
+        n[k] = *value;
+        is_colour = is_colour && is_byte(field.text);
+    }
+    if (std::isnan(n[0]) && std::isnan(n[1]) && std::isnan(n[2]))
+        return Kind::NoNormal;
+    const double squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+    return std::abs(squared - 1.0) < 1e-3 && !is_colour ? Kind::UnitNormal : Kind::Other;
+}
+
+/// Points that tell whether columns are normals, and how far behind the first one they
+/// may begin [bytes].
+constexpr int kTellingPoints = 1000;
+constexpr std::uint64_t kTellingBytes = std::uint64_t(1) << 20;
+
 } // namespace
 
 ColumnsScanner::ColumnsScanner(std::string file, const std::string& format,
@@ -61,9 +116,7 @@ bool ColumnsScanner::take_names(const std::vector<std::string>& names)
     std::vector<std::string> lowered;
     for (std::size_t i = 0; i < names.size(); ++i)
     {
-        std::string name = lower_case(names[i]);
-        if (name.size() > 1 && name.front() == '"' && name.back() == '"')
-            name = name.substr(1, name.size() - 2);
+        const std::string name = lower_case(unquoted({names[i], 0}).text);
         lowered.push_back(name);
         const int role = role_of(name);
         if (role >= 0 && roles[role] < 0)
@@ -142,27 +195,23 @@ void ColumnsScanner::point(Geometry& out)
         num_columns_ = row_.size();
         for (int k = 0; k < 3; ++k)
             role_column_[k] = k;
-        double squared = 0.0;
-        for (std::size_t k = 3; k < 6 && row_.size() == 6; ++k)
-        {
-            const double n = parse_double(row_[k].text).value_or(0.0);
-            squared += n * n;
-        }
-        if (std::abs(squared - 1.0) < 1e-3)
-            for (int k = 3; k < 6; ++k)
-                role_column_[k] = k;
+        for (int k = 3; k < 6 && has_unit_normals_; ++k)
+            role_column_[k] = k;
+        // Whole numbers would be taken for a colour when they are read again.
+        if (has_unit_normals_)
+            out.direction_places.scalars.fill(Scalar::TextReal);
     }
     if (row_.size() != num_columns_ || row_.size() < 3)
         throw malformed({file_, lines_, "point"},
                         "got " + std::to_string(row_.size()) + " columns, need " +
                             std::to_string(std::max<std::size_t>(3, num_columns_)));
     double values[9];
-    std::uint64_t starts[9];
+    Token fields[9];
     for (int role = 0; role < 9; ++role)
     {
         if (role_column_[role] < 0)
             continue;
-        const Token& field = row_[static_cast<std::size_t>(role_column_[role])];
+        const Token field = unquoted(row_[static_cast<std::size_t>(role_column_[role])]);
         const std::optional<double> value = parse_double(field.text);
         // Put together where something is wrong alone: there are millions of numbers.
         const auto wrong = [&](const char* how)
@@ -176,10 +225,10 @@ void ColumnsScanner::point(Geometry& out)
         if (role < 3 && !std::isfinite(*value))
             throw wrong("is not finite");
         values[role] = *value;
-        starts[role] = field.start;
+        fields[role] = field;
     }
     out.samples.emplace_back(values[0], values[1], values[2]);
-    out.sample_places.starts.append(starts, starts + 3);
+    out.sample_places.add(fields);
     if (role_column_[3] >= 0)
     {
         const Eigen::Vector3d normal(values[3], values[4], values[5]);
@@ -188,7 +237,7 @@ void ColumnsScanner::point(Geometry& out)
             out.directions.push_back(normal);
             out.direction_samples.push_back(
                 static_cast<std::uint32_t>(out.samples.size() - 1));
-            out.direction_places.starts.append(starts + 3, starts + 6);
+            out.direction_places.add(fields + 3);
         }
     }
     if (role_column_[6] >= 0)
@@ -200,39 +249,39 @@ void ColumnsScanner::point(Geometry& out)
     }
 }
 
-void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& out)
+bool ColumnsScanner::is_point(std::string_view text, std::uint64_t start)
 {
     const Token whole = trimmed(text, start);
     std::string_view content = whole.text;
     if (content.empty() || content.front() == '#')
-        return;
+        return false;
     const bool is_marked = content.starts_with("//");
     if (is_marked)
         content.remove_prefix(2);
     if (trimmed(content, 0).text.empty())
-        return;
+        return false;
+    const std::optional<std::int64_t> count = count_in(whole.text);
+    if (count && (is_pts_ || (!has_points_ && promised_ < 0)))
+    {
+        promised_ = std::max<std::int64_t>(promised_, 0) + *count;
+        count_line_ = count_line_ == 0 ? lines_ : count_line_;
+        is_first_ = false;
+        return false;
+    }
     if (separator_ == 0 || is_first_)
         choose_separator(trimmed(content, 0).text);
     split(content, whole.start + (is_marked ? 2 : 0));
     if (is_first_ || (is_pts_ && !has_points_))
     {
-        // The count of a PTS, or a line of names.
-        if (is_pts_ && promised_ < 0 && row_.size() == 1 && parse_integer(row_[0].text))
-        {
-            promised_ = *parse_integer(row_[0].text);
-            is_first_ = false;
-            separator_ = 0;
-            return;
-        }
         std::vector<std::string> names;
         for (const Token& field : row_)
             names.emplace_back(field.text);
-        const bool is_text = !row_.empty() && !parse_double(row_[0].text);
+        const bool is_text = !row_.empty() && !parse_double(unquoted(row_[0]).text);
         if (is_text &&
             (has_names_ ? row_.size() == num_columns_ && !is_marked : take_names(names)))
         {
             is_first_ = false;
-            return;
+            return false;
         }
         if (is_text && is_csv_ && !is_marked)
             throw malformed(
@@ -240,18 +289,60 @@ void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& 
                 "no columns x, y and z among them (say which with --columns)");
     }
     if (is_marked)
-        return; // a comment
+        return false; // a comment
+    // A lone number that no point follows counted none: it was a point itself.
+    if (!is_pts_ && !has_points_ && promised_ >= 0 &&
+        (row_.size() < 3 || !parse_double(unquoted(row_[0]).text)))
+        throw malformed({file_, count_line_, "point"}, "got 1 columns, need 3");
     is_first_ = false;
     has_points_ = true;
-    point(out);
+    return true;
+}
+
+std::optional<bool> ColumnsScanner::find_normals(std::string_view part,
+                                                 std::uint64_t start, bool is_last) const
+{
+    ColumnsScanner ahead = *this;
+    const std::size_t skipped = start == 0 ? byte_order_mark(part) : 0;
+    LineReader lines(part.substr(skipped), start + skipped, is_last, lines_);
+    std::uint64_t first = 0;
+    int points = 0;
+    bool has_normal = false;
+    for (std::string_view line; lines.next(line);)
+    {
+        ahead.lines_ = lines.line_number();
+        if (!ahead.is_point(line, lines.line_start()))
+            continue;
+        first = points == 0 ? lines.line_start() : first;
+        const Kind kind = ahead.row_.size() == 6
+                              ? kind_of(std::span(ahead.row_).subspan(3))
+                              : Kind::Other;
+        if (kind == Kind::Other)
+            return false;
+        has_normal |= kind == Kind::UnitNormal;
+        if (++points == kTellingPoints || lines.line_start() - first >= kTellingBytes)
+            return has_normal;
+    }
+    // Without a point in it the part can be read as it is.
+    return is_last || points == 0 ? std::optional(has_normal) : std::nullopt;
 }
 
 std::size_t ColumnsScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
                                  Geometry& out)
 {
+    if (num_columns_ == 0)
+    {
+        const std::optional<bool> has_normals = find_normals(part, start, is_last);
+        if (!has_normals)
+            return 0;
+        has_unit_normals_ = *has_normals;
+    }
     return for_each_line(part, start, is_last, lines_,
                          [&](std::string_view text, std::uint64_t at)
-                         { line(text, at, out); });
+                         {
+                             if (is_point(text, at))
+                                 point(out);
+                         });
 }
 
 std::size_t ColumnsScanner::skip(std::string_view part)
@@ -260,7 +351,12 @@ std::size_t ColumnsScanner::skip(std::string_view part)
         return 0;
     LineReader lines(part.substr(0, part.rfind('\n') + 1), 0, true, lines_);
     for (std::string_view line; lines.next(line);)
+    {
         lines_ = lines.line_number();
+        if (is_pts_)
+            if (const std::optional<std::int64_t> count = count_in(line))
+                promised_ = std::max<std::int64_t>(promised_, 0) + *count;
+    }
     return lines.consumed();
 }
 
@@ -269,17 +365,21 @@ void ColumnsScanner::finish(Geometry& out)
     if (out.num_samples() == 0)
         throw malformed({file_, 0, ""}, "the file is empty: no vertices");
     if (promised_ >= 0 && promised_ != static_cast<std::int64_t>(out.num_samples()))
-        throw malformed({file_, 1, "count"}, "got " + std::to_string(promised_) +
-                                                 " points, need " +
-                                                 std::to_string(out.num_samples()));
-    for (std::size_t i = 0; i < names_.size(); ++i)
-        if (std::find(role_column_, role_column_ + 9, static_cast<int>(i)) ==
-            role_column_ + 9)
-            out.attributes.push_back(names_[i]);
-    for (std::size_t i = names_.size(); i < num_columns_; ++i)
-        if (std::find(role_column_, role_column_ + 9, static_cast<int>(i)) ==
-            role_column_ + 9)
-            out.attributes.push_back("column " + std::to_string(i + 1));
+        throw malformed({file_, count_line_, "count"},
+                        "got " + std::to_string(promised_) + " points, need " +
+                            std::to_string(out.num_samples()));
+    static constexpr const char* roles[] = {"x",  "y", "z", "nx", "ny",
+                                            "nz", "r", "g", "b"};
+    for (std::size_t i = 0; i < num_columns_; ++i)
+    {
+        const auto role =
+            std::find(role_column_, role_column_ + 9, static_cast<int>(i)) - role_column_;
+        const std::string name =
+            i < names_.size() ? names_[i] : "column " + std::to_string(i + 1);
+        out.columns.push_back(role < 9 ? roles[role] : name);
+        if (role == 9)
+            out.attributes.push_back(name);
+    }
     if (role_column_[3] >= 0)
         out.attributes.push_back("normals");
     if (role_column_[6] >= 0)

@@ -41,15 +41,16 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry)
 
 void check_magnitude(const std::string& path, const Geometry& geometry)
 {
-    const Offsets& starts = geometry.sample_places.starts;
+    const ByteOffsets& places = geometry.sample_places;
+    const bool has_places = !places.records.empty() || !places.starts.empty();
     for (std::size_t i = 0; i < geometry.samples.size(); ++i)
         if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
-            throw malformed({path, 0,
-                             "sample " + std::to_string(geometry.samples_before + i) +
-                                 (3 * i < starts.size()
-                                      ? " (byte " + std::to_string(starts[3 * i]) + ")"
-                                      : "")},
-                            "is beyond 1e150");
+            throw malformed(
+                {path, 0,
+                 "sample " + std::to_string(geometry.samples_before + i) +
+                     (has_places ? " (byte " + std::to_string(places.start(3 * i)) + ")"
+                                 : "")},
+                "is beyond 1e150");
 }
 
 } // namespace cellwarp

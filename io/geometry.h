@@ -17,6 +17,7 @@
 #include "io/bytes.h"
 #include "io/error.h"
 #include "io/offsets.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -24,8 +25,9 @@ namespace cellwarp
 /// How a number is stored in the bytes.
 enum class Scalar : std::uint8_t
 {
-    Text,    ///< a decimal token
-    TextInt, ///< a decimal token that must stay an integer (ascii PLY)
+    Text,     ///< a decimal token
+    TextInt,  ///< a decimal token that must stay an integer (ascii PLY)
+    TextReal, ///< a decimal token that must not look like an integer (normals in columns)
     Int8,
     UInt8,
     Int16,
@@ -37,14 +39,54 @@ enum class Scalar : std::uint8_t
 };
 
 /// The numbers of vectors of one length, for a whole list of them: where in the bytes
-/// number k of vector i starts (starts[length * i + k]) and how it is stored.
+/// they stand and how they are stored. Number k of vector i has the number length * i +
+/// k. The places are listed one by one, or computed from those of records.
 struct ByteOffsets
 {
     std::size_t length = 3; ///< at most 4
     std::array<Scalar, 4> scalars = {Scalar::Text, Scalar::Text, Scalar::Text,
                                      Scalar::Text};
     bool big_endian = false;
-    Offsets starts = {}; ///< [byte]
+    Offsets starts = {};       ///< [byte]; empty if they are computed
+    TokenLengths lengths = {}; ///< of numbers that are text, as their scanner read them
+    RecordPlaces records = {}; ///< empty if they are listed
+
+    bool is_text() const
+    {
+        return scalars[0] == Scalar::Text || scalars[0] == Scalar::TextInt ||
+               scalars[0] == Scalar::TextReal;
+    }
+    std::uint64_t start(std::size_t number) const ///< [byte]
+    {
+        return records.empty() ? starts[number]
+                               : records.start(number / length, number % length);
+    }
+    /// Lists the numbers of a vector: \p tokens holds length of them.
+    void add(const Token* tokens)
+    {
+        for (std::size_t k = 0; k < length; ++k)
+        {
+            starts.push_back(tokens[k].start);
+            if (is_text())
+                lengths.push_back(tokens[k].text.size());
+        }
+    }
+    /// Keeps the first \p count listed vectors.
+    void truncate(std::size_t count)
+    {
+        starts.truncate(length * count);
+        if (is_text())
+            lengths.truncate(length * count);
+    }
+    /// Removes all places, but not how numbers are stored.
+    void clear()
+    {
+        starts.clear();
+        lengths.clear();
+        records.clear();
+    }
+
+    bool operator==(const ByteOffsets&) const = default;
 };
 
 /// Faces of one OBJ group or object; a name may come back.
@@ -72,7 +114,8 @@ struct Geometry
     std::vector<Eigen::Vector3d> directions;
     std::vector<std::uint32_t> direction_samples;
     std::vector<std::uint32_t> corner_directions; ///< OBJ: direction or kNone, a corner
-    Offsets corner_direction_starts;              ///< [byte] of that index's token
+    Offsets corner_direction_starts;              ///< [byte] of that index
+    TokenLengths corner_direction_lengths;        ///< [bytes] of that index
     /// OBJ: how many decimals the directions are written with, at most kMostDecimals.
     int direction_decimals = 0;
     static constexpr int kMostDecimals = 6;
@@ -88,6 +131,7 @@ struct Geometry
     std::vector<std::array<std::uint8_t, 3>> colours; ///< empty, or one a sample
     std::vector<FaceGroup> groups;
     std::vector<std::string> attributes; ///< what else a sample or face carries
+    std::vector<std::string> columns;    ///< XYZ and the like: what each is taken for
     std::vector<std::string> warnings;
 
     ByteOffsets sample_places;
@@ -105,7 +149,7 @@ struct Geometry
     /// Of a file that is read part by part: what earlier parts held. The corners of
     /// an OBJ count from the file's first sample, all other indices from this part's.
     std::uint64_t samples_before = 0, directions_before = 0;
-    /// What is not finite, and stays as it is; points without a place (PCD).
+    /// What is not finite, and stays as it is; points without a place.
     std::size_t num_bad_normals = 0, num_bad_rotations = 0, num_missing = 0;
 
     /// Up to here, with the earlier parts.
@@ -151,6 +195,14 @@ struct DirectionUse
 {
     std::uint32_t direction;
     std::uint32_t sample;
+};
+
+/// An OBJ index that is replaced by another.
+struct IndexEdit
+{
+    std::uint64_t start; ///< [byte]
+    std::size_t length;  ///< of the old one [bytes]
+    std::uint32_t index; ///< 1-based
 };
 
 /// Every pair of direction and sample that occurs, once, sorted.

@@ -55,7 +55,7 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
     file.geometry.format = extension;
     if (!is_geometry_format(extension))
         throw unknown_format(file.path);
-    check_content(file.path, extension, file.bytes, 0);
+    check_content(file.path, extension, file.bytes, 0, true);
     if (extension == "gltf" || extension == "glb")
         scan_gltf(file);
     else
@@ -117,7 +117,7 @@ std::size_t write_patched(const GeometryFile& file, const DeformedSamples& patch
     }
     const PatchedBytes bytes(file.path, file.bytes, 0, geometry,
                              {patch.samples, split.directions, patch.tangents,
-                              patch.rotations, split.index_starts, split.new_indices});
+                              patch.rotations, split.indices});
     const std::vector<std::uint64_t> cuts = bytes.cuts(bytes_at_once);
     std::string ready, next;
     for (std::size_t k = 1; k <= cuts.size(); ++k)
@@ -135,8 +135,12 @@ std::size_t write_patched(const GeometryFile& file, const DeformedSamples& patch
             text.get();
         ready.swap(next);
     }
-    write(bytes.tail());
+    const std::string_view tail = bytes.tail();
+    const std::string_view lines_end =
+        split.lines.empty() ? tail : without_end_mark(tail, file.bytes.size());
+    write(lines_end);
     write(split.lines);
+    write(tail.substr(lines_end.size()));
     return split.num_lines;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/number.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -11,16 +12,47 @@ namespace cellwarp
 namespace
 {
 
-/// from_chars reports overflow and underflow alike. A number below the smallest
-/// double has a negative exponent or, without one, starts with zeros.
+/// from_chars reports overflow and underflow alike. The power of ten of the first digit
+/// that is not 0 tells them apart.
 bool is_underflow(std::string_view token)
 {
-    const std::size_t e = token.find_first_of("eE");
-    if (e != std::string_view::npos)
-        return e + 1 < token.size() && token[e + 1] == '-';
-    const std::size_t digit = token.find_first_not_of("+-");
-    return digit != std::string_view::npos &&
-           (token[digit] == '0' || token[digit] == '.');
+    const std::size_t e = std::min(token.find_first_of("eE"), token.size());
+    const std::string_view digits = token.substr(0, e);
+    const auto point =
+        static_cast<std::int64_t>(std::min(digits.find('.'), digits.size()));
+    const auto first =
+        static_cast<std::int64_t>(std::min(digits.find_first_of("123456789"), e));
+    const std::int64_t power = first < point ? point - 1 - first : point - first;
+    std::int64_t exponent = 0;
+    if (e < token.size())
+    {
+        const char* begin = token.data() + e + 1;
+        const bool is_negative = *begin == '-';
+        begin += *begin == '+';
+        if (std::from_chars(begin, token.data() + token.size(), exponent).ec !=
+            std::errc())
+            return is_negative; // far more digits than the token has
+    }
+    return power + exponent < 0;
+}
+
+/// What older C libraries write instead of a number: 1.#INF, -1.#IND, 1.#QNAN00.
+std::optional<double> parse_not_finite(std::string_view token)
+{
+    const bool is_negative = token.starts_with('-');
+    token.remove_prefix(is_negative || token.starts_with('+') ? 1 : 0);
+    if (!token.starts_with("1.#"))
+        return std::nullopt;
+    token.remove_prefix(3);
+    for (const std::string_view word : {"INF", "IND", "QNAN", "SNAN"})
+        if (token.starts_with(word) &&
+            token.find_first_not_of('0', word.size()) == std::string_view::npos)
+        {
+            const double value = word == "INF" ? std::numeric_limits<double>::infinity()
+                                               : std::numeric_limits<double>::quiet_NaN();
+            return is_negative ? -value : value;
+        }
+    return std::nullopt;
 }
 
 } // namespace
@@ -33,7 +65,7 @@ std::optional<double> parse_double(std::string_view token)
     const char* end = token.data() + token.size();
     const std::from_chars_result result = std::from_chars(token.data(), end, value);
     if (result.ptr != end || token.empty())
-        return std::nullopt;
+        return parse_not_finite(token);
     if (result.ec == std::errc::result_out_of_range)
     {
         const double sign = token[0] == '-' ? -1.0 : 1.0;

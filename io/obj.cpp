@@ -22,7 +22,7 @@ namespace
 struct Corner
 {
     std::int64_t vertex = 0, texture = 0, normal = 0;
-    std::uint64_t normal_start = 0;
+    Token normal_token = {};
 };
 
 bool parse_corner(const Token& token, Corner& corner)
@@ -38,17 +38,17 @@ bool parse_corner(const Token& token, Corner& corner)
     {
         const std::size_t slash = rest.find('/');
         const std::string_view text = rest.substr(0, slash);
-        const bool may_be_empty = part == 1 && slash != std::string_view::npos;
-        if (!text.empty() || !may_be_empty)
+        // An empty index of vt or vn is none, and so is 0.
+        if (!text.empty() || part == 0)
         {
             const std::optional<std::int64_t> index = parse_integer(text);
-            if (!index || *index == 0)
+            if (!index || (*index == 0 && part == 0))
                 return false;
             (part == 0   ? corner.vertex
              : part == 1 ? corner.texture
                          : corner.normal) = *index;
             if (part == 2)
-                corner.normal_start = start;
+                corner.normal_token = {text, start};
         }
         if (slash == std::string_view::npos)
             return true;
@@ -83,46 +83,90 @@ bool passes_through(std::string_view word)
 
 } // namespace
 
+namespace
+{
+
+bool has_comment(std::string_view line)
+{
+    for (std::size_t at = line.find('#'); at != std::string_view::npos;
+         at = line.find('#', at + 1))
+        if (at == 0 || is_blank(line[at - 1]))
+            return true;
+    return false;
+}
+
+std::string_view first_word(std::string_view line)
+{
+    Tokens tokens(line, 0);
+    Token word;
+    tokens.next(word);
+    return word.text;
+}
+
+/// Whether the backslash at the end of a line continues its statement: that of a comment
+/// does not, nor does that of a name (a folder, say) if the next line is a statement.
+bool is_continued(std::string_view statement, std::string_view line,
+                  std::string_view next_line)
+{
+    static constexpr std::string_view of_names[] = {"mtllib", "usemtl", "usemap",
+                                                    "maplib", "o",      "g"};
+    static constexpr std::string_view begins[] = {
+        "v", "vn", "vt", "vp", "f", "fo", "l", "p", "g", "o", "usemtl", "s", "mtllib"};
+    const auto is_among = [](const auto& words, std::string_view word)
+    { return std::find(std::begin(words), std::end(words), word) != std::end(words); };
+    return !has_comment(line) && !(is_among(of_names, first_word(statement)) &&
+                                   is_among(begins, first_word(next_line)));
+}
+
+} // namespace
+
 std::size_t ObjScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
                              Geometry& out)
 {
     std::size_t skipped = start == 0 ? byte_order_mark(part) : 0;
     LineReader lines(part.substr(skipped), start + skipped, is_last, lines_);
     std::size_t done = skipped;
-    std::string_view line;
-    while (lines.next(line))
+    std::string_view line, next;
+    for (bool is_read = false; is_read || lines.next(line);)
     {
         // A backslash continues the statement; it and the line end become blanks,
         // so that every token keeps its place.
         const std::uint64_t first = lines.line_start();
         const std::int64_t number = lines.line_number();
-        if (!line.empty() && line.back() == '\\')
+        std::string_view last = line;
+        is_read = false;
+        if (line.ends_with('\\') && !has_comment(line))
+            joined_ = line;
+        while (last.ends_with('\\') && !has_comment(last))
         {
-            bool is_complete = false;
-            std::string_view next = line;
-            joined_.clear();
-            while (!is_complete)
+            if (!lines.next(next))
             {
-                is_complete = next.empty() || next.back() != '\\';
-                joined_.append(next.substr(0, next.size() - (is_complete ? 0 : 1)));
-                if (is_complete)
-                    break;
-                if (!lines.next(next))
-                {
-                    if (!is_last)
-                        return done;
-                    is_complete = true;
-                }
-                else
-                    joined_.resize(lines.line_start() - first, ' ');
+                if (!is_last)
+                    return done;
+                joined_.pop_back();
+                line = joined_;
+                break;
             }
+            if (!is_continued(joined_, last, next))
+            {
+                is_read = true;
+                line = joined_;
+                break;
+            }
+            joined_.pop_back();
+            joined_.resize(lines.line_start() - first, ' ');
+            joined_.append(next);
             line = joined_;
+            last = next;
         }
         if (line.size() > (std::size_t(1) << 24))
             throw malformed({file_, number, ""}, "the line is longer than 16 MB");
         statement(line, first, number, out);
-        done = skipped + lines.consumed();
-        lines_ = lines.line_number();
+        done = is_read ? static_cast<std::size_t>(lines.line_start() - start)
+                       : skipped + lines.consumed();
+        lines_ = lines.line_number() - (is_read ? 1 : 0);
+        if (is_read)
+            line = next;
     }
     return done;
 }
@@ -168,18 +212,19 @@ void ObjScanner::statement(std::string_view line, std::uint64_t start,
 namespace
 {
 
-/// The finite numbers of a statement, at most seven, each with its place.
+/// The numbers of a statement, at most eight, each with its place.
 struct Numbers
 {
     int count = 0;
-    std::array<double, 7> values;
-    std::array<std::uint64_t, 7> starts;
-    std::array<std::string_view, 7> texts;
+    std::array<double, 8> values;
+    std::array<Token, 8> tokens;
 
     Eigen::Vector3d vector() const { return {values[0], values[1], values[2]}; }
 };
 
-Numbers read_numbers(Tokens& tokens, const std::string& file, std::int64_t line)
+/// The first \p num_finite of them have to be finite.
+Numbers read_numbers(Tokens& tokens, const std::string& file, std::int64_t line,
+                     int num_finite)
 {
     Numbers numbers;
     for (Token token; tokens.next(token) && token.text[0] != '#'; ++numbers.count)
@@ -190,16 +235,15 @@ Numbers read_numbers(Tokens& tokens, const std::string& file, std::int64_t line)
             return malformed({file, line, "number " + std::to_string(numbers.count + 1)},
                              reason);
         };
-        if (numbers.count == 7)
-            throw wrong("one too many (need at most 7)");
+        if (numbers.count == 8)
+            throw wrong("one too many (need at most 8)");
         const std::optional<double> value = parse_double(token.text);
         if (!value)
             throw wrong("is no number (got " + in_quotes(token.text) + ")");
-        if (!std::isfinite(*value))
+        if (numbers.count < num_finite && !std::isfinite(*value))
             throw wrong("is not finite (got " + in_quotes(token.text) + ")");
         numbers.values[static_cast<std::size_t>(numbers.count)] = *value;
-        numbers.starts[static_cast<std::size_t>(numbers.count)] = token.start;
-        numbers.texts[static_cast<std::size_t>(numbers.count)] = token.text;
+        numbers.tokens[static_cast<std::size_t>(numbers.count)] = token;
     }
     return numbers;
 }
@@ -218,40 +262,43 @@ int decimals_of(std::string_view text)
 
 void ObjScanner::vertex(Tokens& tokens, std::int64_t line, Geometry& out)
 {
-    // x y z, x y z w, x y z r g b or x y z w r g b.
-    const Numbers numbers = read_numbers(tokens, file_, line);
+    // x y z, x y z w, x y z r g b, x y z w r g b or x y z w r g b a.
+    const Numbers numbers = read_numbers(tokens, file_, line, 3);
     if (numbers.count < 3 || numbers.count == 5)
         throw malformed({file_, line, "vertex"}, "got " + std::to_string(numbers.count) +
-                                                     " numbers, need 3, 4, 6 or 7");
+                                                     " numbers, need 3, 4, 6, 7 or 8");
     out.samples.push_back(numbers.vector());
     if (static_cast<std::int64_t>(out.num_samples()) > kMaxSamples)
         throw malformed({file_, line, "vertex"}, "more than 2147483647 of them");
-    out.sample_places.starts.append(numbers.starts.begin(), numbers.starts.begin() + 3);
+    out.sample_places.add(numbers.tokens.data());
     if (numbers.count < 6)
         return;
     out.colours.resize(out.samples.size(), {200, 200, 200});
     for (std::size_t k = 0; k < 3; ++k)
     {
-        const std::size_t at = static_cast<std::size_t>(numbers.count) - 3 + k;
-        out.colours.back()[k] = static_cast<std::uint8_t>(
-            std::lround(255.0 * std::clamp(numbers.values[at], 0.0, 1.0)));
+        const std::size_t first = numbers.count == 6 ? 3 : 4;
+        const double share = numbers.values[first + k];
+        if (!std::isnan(share)) // else it stays grey
+            out.colours.back()[k] = static_cast<std::uint8_t>(
+                std::lround(255.0 * std::clamp(share, 0.0, 1.0)));
     }
 }
 
 void ObjScanner::normal(Tokens& tokens, std::int64_t line, Geometry& out)
 {
-    const Numbers numbers = read_numbers(tokens, file_, line);
+    const Numbers numbers = read_numbers(tokens, file_, line, 0);
     if (numbers.count != 3)
         throw malformed({file_, line, "normal"},
                         "got " + std::to_string(numbers.count) + " numbers, need 3");
+    const bool is_finite = numbers.vector().allFinite();
+    out.num_bad_normals += is_finite ? 0 : 1; // it keeps its number
     out.directions.push_back(numbers.vector());
-    for (std::size_t k = 0; k < 3 && out.direction_decimals < Geometry::kMostDecimals;
-         ++k)
-        out.direction_decimals =
-            std::min(Geometry::kMostDecimals,
-                     std::max(out.direction_decimals, decimals_of(numbers.texts[k])));
-    out.direction_places.starts.append(numbers.starts.begin(),
-                                       numbers.starts.begin() + 3);
+    for (std::size_t k = 0;
+         is_finite && k < 3 && out.direction_decimals < Geometry::kMostDecimals; ++k)
+        out.direction_decimals = std::min(
+            Geometry::kMostDecimals,
+            std::max(out.direction_decimals, decimals_of(numbers.tokens[k].text)));
+    out.direction_places.add(numbers.tokens.data());
 }
 
 void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
@@ -268,23 +315,40 @@ void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
         out.corners.push_back(resolve(corner.vertex,
                                       static_cast<std::int64_t>(out.num_samples()), line,
                                       field, forward_vertex_));
-        if (corner.texture != 0)
-            resolve(corner.texture, num_texture_, line, field, forward_texture_);
-        if (corner.normal != 0)
+        const std::uint32_t direction =
+            corner.normal == 0
+                ? kNone
+                : normal_of(corner.normal,
+                            static_cast<std::int64_t>(out.num_directions()), line);
+        if (direction != kNone)
         {
             out.corner_directions.resize(out.corners.size() - 1, kNone);
             out.corner_direction_starts.pad(out.corners.size() - 1);
-            out.corner_directions.push_back(
-                resolve(corner.normal, static_cast<std::int64_t>(out.num_directions()),
-                        line, field, forward_normal_));
-            out.corner_direction_starts.push_back(corner.normal_start);
+            out.corner_direction_lengths.pad(out.corners.size() - 1);
+            out.corner_directions.push_back(direction);
+            out.corner_direction_starts.push_back(corner.normal_token.start);
+            out.corner_direction_lengths.push_back(corner.normal_token.text.size());
         }
     }
     const std::size_t count = out.corners.size() - first;
-    if (count < 3 || count > kMaxCorners)
+    if (count > kMaxCorners)
         throw malformed({file_, line, "face"},
-                        "got " + std::to_string(count) + " corners, need 3 to 1000000");
-    out.face_ends.push_back(out.corners.size());
+                        "got " + std::to_string(count) + " corners, need 0 to 1000000");
+    if (count >= 3)
+    {
+        out.face_ends.push_back(out.corners.size());
+        return;
+    }
+    // No face. Two corners are a loose edge.
+    if (count == 2)
+        out.lines.push_back({out.corners[first], out.corners[first + 1]});
+    out.corners.resize(first);
+    if (out.corner_directions.size() > first)
+    {
+        out.corner_directions.resize(first);
+        out.corner_direction_starts.truncate(first);
+        out.corner_direction_lengths.truncate(first);
+    }
 }
 
 void ObjScanner::drawn_line(Tokens& tokens, std::int64_t line, Geometry& out)
@@ -302,8 +366,6 @@ void ObjScanner::drawn_line(Tokens& tokens, std::int64_t line, Geometry& out)
         const std::uint32_t sample =
             resolve(place.vertex, static_cast<std::int64_t>(out.num_samples()), line,
                     field, forward_vertex_);
-        if (place.texture != 0)
-            resolve(place.texture, num_texture_, line, field, forward_texture_);
         if (count > 0)
             out.lines.push_back({last, sample});
         last = sample;
@@ -327,6 +389,22 @@ std::uint32_t ObjScanner::resolve(std::int64_t index, std::int64_t read,
     return static_cast<std::uint32_t>(value);
 }
 
+/// Of a normal that the file may lack: the corner has none then.
+std::uint32_t ObjScanner::normal_of(std::int64_t index, std::int64_t read,
+                                    std::int64_t line)
+{
+    const std::int64_t value = index > 0 ? index - 1 : read + index;
+    if (value < 0 || value >= kMaxSamples)
+    {
+        if (lacking_normal_.line == 0)
+            lacking_normal_ = {index, line};
+        return kNone;
+    }
+    if (value >= read && value > forward_normal_.index)
+        forward_normal_ = {value, line};
+    return static_cast<std::uint32_t>(value);
+}
+
 void ObjScanner::close_groups(Geometry& out)
 {
     const std::size_t end = out.face_ends.size();
@@ -343,15 +421,11 @@ void ObjScanner::close_groups(Geometry& out)
 void ObjScanner::finish(Geometry& out)
 {
     close_groups(out);
-    const std::pair<Forward, std::uint64_t> forwards[] = {
-        {forward_vertex_, out.num_samples()},
-        {forward_texture_, static_cast<std::uint64_t>(num_texture_)},
-        {forward_normal_, out.num_directions()}};
-    for (const auto& [forward, count] : forwards)
-        if (forward.index >= static_cast<std::int64_t>(count))
-            throw malformed({file_, forward.line, forward.field},
-                            "is out of range (got " + std::to_string(forward.index + 1) +
-                                ", need at most " + std::to_string(count) + ")");
+    if (forward_vertex_.index >= static_cast<std::int64_t>(out.num_samples()))
+        throw malformed({file_, forward_vertex_.line, forward_vertex_.field},
+                        "is out of range (got " +
+                            std::to_string(forward_vertex_.index + 1) +
+                            ", need at most " + std::to_string(out.num_samples()) + ")");
     if (out.num_samples() == 0)
         throw malformed({file_, 0, ""},
                         lines_ == 0 ? "the file is empty: no vertices" : "no vertices");
@@ -359,8 +433,13 @@ void ObjScanner::finish(Geometry& out)
         out.colours.resize(out.samples.size(), {200, 200, 200});
     if (!out.corner_directions.empty())
     {
+        for (std::uint32_t& direction : out.corner_directions)
+            if (direction != kNone && (direction >= out.directions.size() ||
+                                       !out.directions[direction].allFinite()))
+                direction = kNone;
         out.corner_directions.resize(out.corners.size(), kNone);
         out.corner_direction_starts.pad(out.corners.size());
+        out.corner_direction_lengths.pad(out.corners.size());
     }
     if (num_texture_ > 0)
         out.attributes.push_back("texture coordinates");
@@ -370,6 +449,18 @@ void ObjScanner::finish(Geometry& out)
         out.attributes.push_back("colours");
     if (!out.groups.empty())
         out.attributes.push_back("groups");
+    if (forward_normal_.index >= static_cast<std::int64_t>(out.num_directions()))
+        lacking_normal_ = {forward_normal_.index + 1, forward_normal_.line};
+    if (lacking_normal_.line > 0)
+        out.warnings.push_back(at({file_, lacking_normal_.line, "face index"},
+                                  "the file has no normal " +
+                                      std::to_string(lacking_normal_.index) + " (of " +
+                                      std::to_string(out.num_directions()) +
+                                      "): corners without one stay as they are"));
+    if (out.num_bad_normals > 0)
+        out.warnings.push_back(
+            at({file_, 0, ""}, std::to_string(out.num_bad_normals) +
+                                   " normals are not finite and stay as they are"));
     if (num_unknown_ > 0)
         out.warnings.push_back(
             at({file_, 0, ""},
@@ -497,7 +588,8 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
     split.num_lines = splitter.num_lines();
     if (split.num_lines == 0)
         return split;
-    if (!bytes.empty() && bytes.back() != '\n' && bytes.back() != '\r')
+    const std::string_view text = without_end_mark(bytes, 0);
+    if (!text.empty() && text.back() != '\n' && text.back() != '\r')
         split.lines.insert(0, line_end);
     for (std::size_t c = 0; c < geometry.corner_directions.size(); ++c)
     {
@@ -513,10 +605,8 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
         const std::uint32_t index =
             index_of_use[static_cast<std::size_t>(use - uses.begin())];
         if (index != wanted.direction + 1)
-        {
-            split.index_starts.push_back(geometry.corner_direction_starts[c]);
-            split.new_indices.push_back(index);
-        }
+            split.indices.push_back({geometry.corner_direction_starts[c],
+                                     geometry.corner_direction_lengths[c], index});
     }
     return split;
 }

@@ -50,11 +50,14 @@ private:
     /// back from what was \p read so far. \p line, \p field: where it stands.
     std::uint32_t resolve(std::int64_t index, std::int64_t read, std::int64_t line,
                           const char* field, Forward& forward) const;
+    std::uint32_t normal_of(std::int64_t index, std::int64_t read, std::int64_t line);
+
     std::string file_;
     std::string joined_; ///< a statement continued over lines
     std::int64_t lines_ = 0;
     std::int64_t num_texture_ = 0;
-    Forward forward_vertex_, forward_texture_, forward_normal_;
+    Forward forward_vertex_, forward_normal_;
+    Forward lacking_normal_ = {0, 0}; ///< as the face has it; line 0: none
     std::vector<std::string> open_groups_;
     std::string object_;
     std::size_t groups_first_face_ = 0;
@@ -106,8 +109,7 @@ struct ObjSplit
 {
     std::string lines; ///< to append to the file
     std::size_t num_lines = 0;
-    std::vector<std::uint64_t> index_starts; ///< [byte] of the indices to replace
-    std::vector<std::uint32_t> new_indices;  ///< 1-based
+    std::vector<IndexEdit> indices;          ///< in the order of the file
     std::vector<Eigen::Vector3d> directions; ///< of the original vn statements
 };
 

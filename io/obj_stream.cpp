@@ -108,7 +108,9 @@ void NormalPlan::read(InputFile& file, const std::string& path,
                 found.uses.push(
                     {geometry.corner_directions[c], geometry.corners[c], corners++});
         found.has_crlf = found.has_crlf || part.bytes.find("\r\n") != std::string::npos;
-        found.last = part.bytes.empty() ? found.last : part.bytes.back();
+        if (const std::string_view text = without_end_mark(part.bytes, part.start);
+            !text.empty())
+            found.last = text.back();
         total.samples_before = geometry.num_samples();
         total.directions_before = geometry.num_directions();
         if (work.progress)
@@ -124,13 +126,15 @@ void NormalPlan::turn(Read& found, const std::string& folder,
 {
     // Uses are sorted by vn; their places are fetched in the order of the vertices, so
     // that every list is only ever read from its beginning to its end.
+    // Uses of a vn that the file lacks come last, and are left out.
+    const std::uint64_t num_directions = found.directions.size();
     SpillSorter<Placed> placed(folder, options.sort_records);
     {
         SpillSorter<Waiting> waiting(folder, options.sort_records);
         auto uses = found.uses.sorted();
         std::uint64_t num_uses = 0;
         Use last = {kNone, kNone, 0};
-        for (Use use; uses.next(use); last = use)
+        for (Use use; uses.next(use) && use.direction < num_directions; last = use)
             if (use.direction != last.direction || use.sample != last.sample)
                 waiting.push({use.sample, num_uses++});
         auto sorted = waiting.sorted();
@@ -154,7 +158,7 @@ void NormalPlan::turn(Read& found, const std::string& folder,
     std::uint64_t num_rest = 0, num_ended = 0;
     Vector direction = {};
     std::vector<DirectionUse> batch;
-    std::vector<Eigen::Vector3d> at, values;
+    std::vector<Eigen::Vector3d> at, values, rest_values;
     std::vector<std::uint32_t> count(kTurnedInAJob);
     std::iota(count.begin(), count.end(), 0u);
     const auto end_until = [&](std::uint64_t end)
@@ -178,15 +182,19 @@ void NormalPlan::turn(Read& found, const std::string& folder,
         std::string lines;
         for (std::size_t i = 0; i < batch.size(); ++i)
         {
+            // A vn that is not finite stays for all of its uses.
+            const bool is_finite = rest_values[i].allFinite();
+            const Eigen::Vector3d& value = is_finite ? values[i] : rest_values[i];
             end_until(batch[i].direction);
             if (num_ended == batch[i].direction)
             {
                 Vector skipped;
                 unused.next(skipped);
-                directions_.push({{values[i].x(), values[i].y(), values[i].z()}});
+                directions_.push({{value.x(), value.y(), value.z()}});
                 ++num_ended;
             }
-            index_of_use.push(splitter.index(batch[i], values[i], lines));
+            index_of_use.push(is_finite ? splitter.index(batch[i], value, lines)
+                                        : batch[i].direction + 1);
         }
         if (!lines.empty() && lines_.size() == 0 && found.last != '\n' &&
             found.last != '\r')
@@ -195,10 +203,13 @@ void NormalPlan::turn(Read& found, const std::string& folder,
         batch.clear();
         at.clear();
         values.clear();
+        rest_values.clear();
     };
     auto uses = found.uses.sorted();
     Use last = {kNone, kNone, 0};
-    for (Use use; !work.stop.stop_requested() && uses.next(use); last = use)
+    for (Use use;
+         !work.stop.stop_requested() && uses.next(use) && use.direction < num_directions;
+         last = use)
     {
         if (use.direction == last.direction && use.sample == last.sample)
             continue;
@@ -208,7 +219,8 @@ void NormalPlan::turn(Read& found, const std::string& folder,
         places.next(place);
         batch.push_back({use.direction, use.sample});
         at.push_back(as_vector(place.place));
-        values.push_back(as_vector(direction.x));
+        rest_values.push_back(as_vector(direction.x));
+        values.push_back(rest_values.back());
         if (batch.size() == kTurnedAtOnce)
             turn_batch();
     }
@@ -222,7 +234,7 @@ void NormalPlan::turn(Read& found, const std::string& folder,
     auto indices = index_of_use.reader();
     std::uint32_t index = 0;
     last = {kNone, kNone, 0};
-    for (Use use; again.next(use); last = use)
+    for (Use use; again.next(use) && use.direction < num_directions; last = use)
     {
         if (use.direction != last.direction || use.sample != last.sample)
             indices.next(index);
@@ -232,12 +244,10 @@ void NormalPlan::turn(Read& found, const std::string& folder,
 }
 
 void NormalPlan::take(const Geometry& part, std::vector<Eigen::Vector3d>& directions,
-                      std::vector<std::uint64_t>& index_starts,
-                      std::vector<std::uint32_t>& new_indices)
+                      std::vector<IndexEdit>& indices)
 {
     directions.clear();
-    index_starts.clear();
-    new_indices.clear();
+    indices.clear();
     Vector direction = {};
     for (std::size_t d = 0; d < part.directions.size(); ++d)
     {
@@ -250,8 +260,8 @@ void NormalPlan::take(const Geometry& part, std::vector<Eigen::Vector3d>& direct
             continue;
         if (has_index_ && index_.corner == corners_)
         {
-            index_starts.push_back(part.corner_direction_starts[c]);
-            new_indices.push_back(index_.index);
+            indices.push_back({part.corner_direction_starts[c],
+                               part.corner_direction_lengths[c], index_.index});
             has_index_ = next_index_->next(index_);
         }
         ++corners_;

@@ -31,8 +31,7 @@ public:
 
     /// What the next part, in the file's order, ends with. Replaces the vectors.
     void take(const Geometry& part, std::vector<Eigen::Vector3d>& directions,
-              std::vector<std::uint64_t>& index_starts,
-              std::vector<std::uint32_t>& new_indices);
+              std::vector<IndexEdit>& indices);
     std::size_t num_split() const { return num_split_; }
     /// Writes the statements to be appended to the file.
     void write_lines(OutputFile& output, std::uint64_t& bytes) const;

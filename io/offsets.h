@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A long list of places, in four bytes each.
+// Long lists of places in a file, and of the lengths of what stands there, in few bytes.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
+#include <utility>
 #include <vector>
 
 namespace cellwarp
@@ -33,6 +36,7 @@ public:
         for (; first != last; ++first)
             push_back(*first);
     }
+    void reserve(std::size_t count) { low_.reserve(count); }
     void clear() { truncate(0); }
     /// Keeps the first \p count. \pre count <= size()
     void truncate(std::size_t count)
@@ -70,6 +74,112 @@ private:
 
     std::vector<std::uint32_t> low_;
     std::vector<Change> changes_; ///< ascending; 0 before the first
+};
+
+/// Lengths of tokens [bytes]: one byte each, and the few that are longer apart.
+class TokenLengths
+{
+public:
+    std::size_t size() const { return short_.size(); }
+    std::size_t operator[](std::size_t i) const
+    {
+        if (short_[i] < kLong)
+            return short_[i];
+        return std::lower_bound(long_.begin(), long_.end(), std::pair(i, std::size_t(0)))
+            ->second;
+    }
+    void push_back(std::size_t length)
+    {
+        if (length >= kLong)
+            long_.emplace_back(short_.size(), length);
+        short_.push_back(static_cast<std::uint8_t>(std::min(length, kLong)));
+    }
+    void clear() { truncate(0); }
+    /// Keeps the first \p count. \pre count <= size()
+    void truncate(std::size_t count)
+    {
+        short_.resize(count);
+        while (!long_.empty() && long_.back().first >= count)
+            long_.pop_back();
+    }
+    /// Appends zeros up to \p count. \pre count >= size()
+    void pad(std::size_t count) { short_.resize(count); }
+
+    bool operator==(const TokenLengths&) const = default;
+
+private:
+    static constexpr std::size_t kLong = 255;
+
+    std::vector<std::uint8_t> short_;                       ///< at most kLong
+    std::vector<std::pair<std::size_t, std::size_t>> long_; ///< number, length; ascending
+};
+
+/// Places of vectors in records of one size, which are computed from the records'
+/// numbers. Records may be left out: a list of ranges names those that count.
+class RecordPlaces
+{
+public:
+    /// Slot s is vector s % in_record of record s / in_record.
+    struct Layout
+    {
+        std::array<std::uint64_t, 4> first = {};  ///< [byte] of number k in slot 0
+        std::array<std::uint64_t, 4> stride = {}; ///< from one record to the next [bytes]
+        std::uint64_t in_record = 1;              ///< vectors
+        std::uint64_t inner_stride =
+            0; ///< from one vector of a record to the next [bytes]
+        bool operator==(const Layout&) const = default;
+    };
+
+    bool empty() const { return size_ == 0; }
+    const Layout& layout() const { return layout_; }
+    void set_layout(const Layout& layout) { layout_ = layout; }
+    void clear()
+    {
+        ranges_.clear();
+        size_ = 0;
+    }
+    /// The next \p count vectors stand in slots from \p slot on.
+    void add(std::uint64_t slot, std::size_t count = 1)
+    {
+        if (ranges_.empty() ||
+            slot != ranges_.back().slot + (size_ - ranges_.back().first))
+            ranges_.push_back({size_, slot});
+        size_ += count;
+    }
+    /// [byte] of number \p k of vector \p i
+    std::uint64_t start(std::size_t i, std::size_t k) const
+    {
+        const std::uint64_t slot = slot_of(i);
+        if (layout_.in_record == 1)
+            return layout_.first[k] + slot * layout_.stride[k];
+        return layout_.first[k] + slot / layout_.in_record * layout_.stride[k] +
+               slot % layout_.in_record * layout_.inner_stride;
+    }
+
+    bool operator==(const RecordPlaces&) const = default;
+
+private:
+    struct Range
+    {
+        std::size_t first;  ///< number of its first vector
+        std::uint64_t slot; ///< of that vector
+        bool operator==(const Range&) const = default;
+    };
+
+    std::uint64_t slot_of(std::size_t i) const
+    {
+        const Range* range = ranges_.data();
+        if (ranges_.size() > 1)
+            range =
+                &*std::prev(std::upper_bound(ranges_.begin(), ranges_.end(), i,
+                                             [](std::size_t number, const Range& other)
+                                             { return number < other.first; }));
+        return range->slot + (i - range->first);
+    }
+
+    Layout layout_;
+    std::vector<Range> ranges_; ///< ascending
+    std::size_t size_ = 0;      ///< vectors
 };
 
 } // namespace cellwarp

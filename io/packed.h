@@ -3,6 +3,7 @@
 // that these are unpacked to: all of them binary, in any order.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -23,6 +24,12 @@ std::span<const double> numbers_of(const Vectors& vectors)
             vectors.size() * sizeof(*vectors.data()) / sizeof(double)};
 }
 
+/// Whether a number changes; what is no number (NaN) does not if it stays none.
+inline bool differs(double before, double after)
+{
+    return before != after && !(std::isnan(before) && std::isnan(after));
+}
+
 /// The error for a number that its type cannot hold.
 Error does_not_fit(const std::string& file, std::uint64_t start, double value);
 
@@ -35,13 +42,13 @@ void for_each_change(const ByteOffsets& places, std::span<const double> before,
     std::string stored;
     for (std::size_t i = 0; i < after.size(); ++i)
     {
-        if (before[i] == after[i])
+        if (!differs(before[i], after[i]))
             continue;
         stored.clear();
         if (!store(after[i], places.scalars[i % places.length], places.big_endian,
                    stored))
-            throw does_not_fit(file, places.starts[i], after[i]);
-        put(places.starts[i], stored);
+            throw does_not_fit(file, places.start(i), after[i]);
+        put(places.start(i), stored);
     }
 }
 

@@ -7,7 +7,6 @@
 
 #include "io/packed.h"
 #include "io/stored_number.h"
-#include "io/text.h"
 
 namespace cellwarp
 {
@@ -19,6 +18,7 @@ namespace
 struct Edit
 {
     std::uint64_t start;
+    std::size_t length; ///< of the old one [bytes]
     Scalar scalar;
     bool big_endian;
     double value;
@@ -47,13 +47,10 @@ public:
     std::uint64_t start() const { return starts_[order_[next_]]; }
     bool changes() const
     {
-        return before_[first_ + order_[next_]] != after_[first_ + order_[next_]];
+        const std::size_t number = first_ + order_[next_];
+        return differs(before_[number], after_[number]);
     }
-    Edit edit() const
-    {
-        return {start(), places_.scalars[order_[next_]], places_.big_endian,
-                after_[first_ + order_[next_]]};
-    }
+    Edit edit() const { return edit(first_ + order_[next_]); }
     void advance()
     {
         if (++next_ == places_.length)
@@ -70,7 +67,7 @@ public:
         while (low < high)
         {
             const std::size_t middle = low + (high - low) / 2;
-            if (places_.starts[last_number(middle)] < byte)
+            if (places_.start(last_number(middle)) < byte)
                 low = middle + 1;
             else
                 high = middle;
@@ -85,21 +82,23 @@ public:
             advance();
     }
     /// The last number's; not of an empty list.
-    Edit last() const
-    {
-        const std::size_t number = last_number(after_.size() / places_.length - 1);
-        return {places_.starts[number], places_.scalars[number % places_.length],
-                places_.big_endian, after_[number]};
-    }
+    Edit last() const { return edit(last_number(after_.size() / places_.length - 1)); }
 
 private:
+    Edit edit(std::size_t number) const
+    {
+        const Scalar scalar = places_.scalars[number % places_.length];
+        const std::size_t size = stored_size(scalar);
+        return {places_.start(number), size > 0 ? size : places_.lengths[number], scalar,
+                places_.big_endian, after_[number]};
+    }
     /// Of all numbers the one that stands last in a vector.
     std::size_t last_number(std::size_t vector) const
     {
         const std::size_t first = vector * places_.length;
         std::size_t last = first;
         for (std::size_t number = first; number < first + places_.length; ++number)
-            if (places_.starts[number] > places_.starts[last])
+            if (places_.start(number) > places_.start(last))
                 last = number;
         return last;
     }
@@ -108,7 +107,7 @@ private:
         if (is_done())
             return;
         for (std::size_t k = 0; k < places_.length; ++k)
-            starts_[k] = places_.starts[first_ + k];
+            starts_[k] = places_.start(first_ + k);
         const auto end = order_.begin() + static_cast<long>(places_.length);
         const auto is_before = [&](std::size_t a, std::size_t b)
         { return starts_[a] < starts_[b]; };
@@ -180,18 +179,6 @@ void overwrite(const std::string& path, EditStreams& streams, std::uint64_t from
         throw does_not_fit(path, too_large->start, too_large->value);
 }
 
-/// Length of the number or index at \p start: what none of the formats has in one
-/// ends it.
-std::size_t token_length(std::string_view bytes, std::uint64_t start)
-{
-    static constexpr std::string_view ends = "\n\r\\/,;\"";
-    std::size_t end = start;
-    while (end < bytes.size() && !is_blank(bytes[end]) &&
-           ends.find(bytes[end]) == std::string_view::npos)
-        ++end;
-    return end - start;
-}
-
 } // namespace
 
 PatchedBytes::PatchedBytes(const std::string& path, std::string_view bytes,
@@ -200,18 +187,23 @@ PatchedBytes::PatchedBytes(const std::string& path, std::string_view bytes,
     : path_(path), bytes_(bytes), start_(start), geometry_(geometry), patch_(patch),
       end_(start)
 {
-    const auto length_at = [&](std::uint64_t place, std::size_t stored)
-    { return stored > 0 ? stored : token_length(bytes, place - start); };
     for (const EditStream& stream : edit_streams(geometry, patch))
         if (!stream.is_done())
         {
             const Edit last = stream.last();
-            end_ = std::max(end_,
-                            last.start + length_at(last.start, stored_size(last.scalar)));
+            end_ = std::max(end_, last.start + last.length);
         }
-    if (!patch.index_starts.empty())
-        end_ = std::max(end_, patch.index_starts.back() +
-                                  length_at(patch.index_starts.back(), 0));
+    if (!patch.indices.empty())
+        end_ = std::max(end_, patch.indices.back().start + patch.indices.back().length);
+}
+
+/// Number of the first index to replace that stands at \p byte or behind it.
+std::size_t PatchedBytes::index_at(std::uint64_t byte) const
+{
+    const auto found = std::lower_bound(
+        patch_.indices.begin(), patch_.indices.end(), byte,
+        [](const IndexEdit& edit, std::uint64_t place) { return edit.start < place; });
+    return static_cast<std::size_t>(found - patch_.indices.begin());
 }
 
 std::vector<std::uint64_t> PatchedBytes::cuts(std::uint64_t length) const
@@ -225,11 +217,10 @@ std::vector<std::uint64_t> PatchedBytes::cuts(std::uint64_t length) const
         for (EditStream& stream : streams)
             stream.skip_to(least);
         const EditStream& next = next_of(streams);
-        const auto index = std::lower_bound(patch_.index_starts.begin(),
-                                            patch_.index_starts.end(), least);
-        const std::uint64_t cut =
-            std::min({end_, next.is_done() ? kNoByte : next.start(),
-                      index == patch_.index_starts.end() ? kNoByte : *index});
+        const std::size_t index = index_at(least);
+        const std::uint64_t cut = std::min(
+            {end_, next.is_done() ? kNoByte : next.start(),
+             index == patch_.indices.size() ? kNoByte : patch_.indices[index].start});
         if (cut == end_)
             break;
         cuts.push_back(cut);
@@ -249,7 +240,7 @@ void PatchedBytes::append_to(std::string& out, std::uint64_t from, std::uint64_t
     EditStreams streams = edit_streams(geometry_, patch_);
     for (EditStream& stream : streams)
         stream.skip_to(from);
-    if (patch_.index_starts.empty() && is_binary(streams))
+    if (patch_.indices.empty() && is_binary(streams))
     {
         const std::size_t first = out.size();
         out.append(bytes_.substr(from - start_, to - from));
@@ -269,26 +260,21 @@ void PatchedBytes::append_to(std::string& out, std::uint64_t from, std::uint64_t
         text.clear();
         if (!store(edit.value, edit.scalar, edit.big_endian, text))
             throw does_not_fit(path_, edit.start, edit.value);
-        const std::size_t size = stored_size(edit.scalar);
-        put(edit.start, size > 0 ? size : token_length(bytes_, edit.start - start_),
-            text);
+        put(edit.start, edit.length, text);
     };
-    auto index = static_cast<std::size_t>(
-        std::lower_bound(patch_.index_starts.begin(), patch_.index_starts.end(), from) -
-        patch_.index_starts.begin());
+    std::size_t index = index_at(from);
     for (;;)
     {
         EditStream& stream = next_of(streams);
         const std::uint64_t number = stream.is_done() ? kNoByte : stream.start();
         const std::uint64_t i =
-            index == patch_.index_starts.size() ? kNoByte : patch_.index_starts[index];
+            index == patch_.indices.size() ? kNoByte : patch_.indices[index].start;
         if (std::min(number, i) >= to)
             break;
         if (i < number)
         {
-            put(i, token_length(bytes_, i - start_),
-                std::to_string(patch_.new_indices[index]));
-            ++index;
+            const IndexEdit& edit = patch_.indices[index++];
+            put(i, edit.length, std::to_string(edit.index));
             continue;
         }
         if (stream.changes())

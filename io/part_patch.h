@@ -21,8 +21,7 @@ struct PartPatch
     std::span<const Eigen::Vector3d> samples; ///< as many as the part's geometry has
     std::span<const Eigen::Vector3d> directions, tangents; ///< likewise
     std::span<const Eigen::Vector4d> rotations;            ///< likewise
-    std::span<const std::uint64_t> index_starts; ///< [byte] of OBJ indices to replace
-    std::span<const std::uint32_t> new_indices;  ///< 1-based
+    std::span<const IndexEdit> indices;                    ///< of an OBJ; ascending
 };
 
 /// Bytes with numbers in them that change. Whole files and parts alike are written by it.
@@ -46,6 +45,8 @@ public:
     std::string_view tail() const { return bytes_.substr(end_ - start_); }
 
 private:
+    std::size_t index_at(std::uint64_t byte) const;
+
     const std::string& path_;
     std::string_view bytes_;
     std::uint64_t start_ = 0;

@@ -38,8 +38,18 @@ void PartReader::fill(std::string& bytes, std::size_t count)
     const std::size_t got = file_.read(bytes.data() + old, count - old);
     bytes.resize(old + got);
     at_end_ = bytes.size() < count;
-    const std::string_view added = std::string_view(bytes).substr(old);
-    check_content(path_, format_, added, start_ + old);
+    if (!at_end_ && bytes.back() == '\0')
+    {
+        // Whether a NUL is the file's last byte makes a difference.
+        char next;
+        at_end_ = file_.read(&next, 1) == 0;
+        if (!at_end_)
+            bytes.push_back(next);
+    }
+    // The byte before tells whether a line ended there.
+    const std::size_t first = old > 0 ? old - 1 : 0;
+    check_content(path_, format_, std::string_view(bytes).substr(first), start_ + first,
+                  at_end_);
 }
 
 void PartReader::clear(Geometry& geometry) const
@@ -53,15 +63,16 @@ void PartReader::clear(Geometry& geometry) const
     geometry.direction_samples.clear();
     geometry.corner_directions.clear();
     geometry.corner_direction_starts.clear();
+    geometry.corner_direction_lengths.clear();
     geometry.colours.clear();
     geometry.groups.clear();
     geometry.attributes.clear();
     geometry.sample_places.scalars = read_.sample_places.scalars;
     geometry.sample_places.big_endian = read_.sample_places.big_endian;
-    geometry.sample_places.starts.clear();
+    geometry.sample_places.clear();
     geometry.direction_places.scalars = read_.direction_places.scalars;
     geometry.direction_places.big_endian = read_.direction_places.big_endian;
-    geometry.direction_places.starts.clear();
+    geometry.direction_places.clear();
     geometry.samples_before = read_.samples_before;
     geometry.directions_before = read_.directions_before;
     geometry.num_bad_normals = geometry.num_bad_rotations = geometry.num_missing = 0;
@@ -71,7 +82,7 @@ void PartReader::clear(Geometry& geometry) const
     geometry.rotation_samples.clear();
     geometry.rotation_places.scalars = read_.rotation_places.scalars;
     geometry.rotation_places.big_endian = read_.rotation_places.big_endian;
-    geometry.rotation_places.starts.clear();
+    geometry.rotation_places.clear();
 }
 
 bool PartReader::next(FilePart& part)

@@ -328,10 +328,14 @@ void PcdScanner::keep(const Point& point, Geometry& out)
     }
     for (int k = 0; k < 3; ++k)
         if (!std::isfinite(v[k]))
-            throw malformed(here(point.starts[k], std::string(kRoles[k])),
+            throw malformed(here(point.numbers[k].start, std::string(kRoles[k])),
                             "is not finite (got " + shortest(v[k]) + ")");
     out.samples.emplace_back(v[0], v[1], v[2]);
-    out.sample_places.starts.append(point.starts, point.starts + 3);
+    const bool is_text = encoding_ == Encoding::Text;
+    if (is_text)
+        out.sample_places.add(point.numbers);
+    else
+        out.sample_places.records.add(point_);
     if (has_colours_)
         out.colours.push_back({static_cast<std::uint8_t>(point.colour >> 16),
                                static_cast<std::uint8_t>(point.colour >> 8),
@@ -347,7 +351,27 @@ void PcdScanner::keep(const Point& point, Geometry& out)
     }
     out.directions.push_back(normal);
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
-    out.direction_places.starts.append(point.starts + 3, point.starts + 6);
+    if (is_text)
+        out.direction_places.add(point.numbers + 3);
+    else
+        out.direction_places.records.add(point_);
+}
+
+void PcdScanner::set_layout(std::uint64_t start, Geometry& out) const
+{
+    RecordPlaces::Layout samples, directions;
+    for (const Field& field : fields_)
+    {
+        if (field.role < 0 || field.role >= 6)
+            continue;
+        const bool is_packed = encoding_ == Encoding::Compressed;
+        const std::size_t k = static_cast<std::size_t>(field.role % 3);
+        RecordPlaces::Layout& layout = field.role < 3 ? samples : directions;
+        layout.first[k] = start + field.offset * (is_packed ? num_points_ : 1);
+        layout.stride[k] = is_packed ? field.size : point_bytes_;
+    }
+    out.sample_places.records.set_layout(samples);
+    out.direction_places.records.set_layout(directions);
 }
 
 void PcdScanner::text_point(std::string_view line, std::uint64_t start, Geometry& out)
@@ -373,7 +397,7 @@ void PcdScanner::text_point(std::string_view line, std::uint64_t start, Geometry
                                     "does not fit its type (got " +
                                         in_quotes(token.text) + ")");
                 point.values[field.role] = *value;
-                point.starts[field.role] = token.start;
+                point.numbers[field.role] = token;
             }
         }
     if (tokens.next(token))
@@ -393,7 +417,7 @@ void PcdScanner::load(const char* bytes, std::uint64_t start, int role, Scalar t
         return;
     }
     point.values[role] = load_stored(bytes, type, false);
-    point.starts[role] = start;
+    point.numbers[role].start = start;
 }
 
 void PcdScanner::binary_point(std::string_view bytes, std::uint64_t start, Geometry& out)
@@ -425,6 +449,7 @@ std::vector<PcdScanner::Column> PcdScanner::columns() const
 void PcdScanner::scan_columns(std::uint64_t first, std::uint64_t count,
                               const std::vector<std::string>& numbers, Geometry& out)
 {
+    set_layout(0, out);
     for (point_ = first; point_ < first + count; ++point_)
     {
         Point point;
@@ -491,6 +516,7 @@ std::size_t PcdScanner::unpack(std::string_view part, std::uint64_t start, bool 
                         "the packed data cannot be unpacked");
     out.unpacked = std::move(*body);
     out.packed_start = start;
+    set_layout(0, out);
     for (; point_ < num_points_; ++point_)
         binary_point(out.unpacked, 0, out);
     return kPackedSizesBytes + sizes.packed;
@@ -563,6 +589,8 @@ std::size_t PcdScanner::scan(std::string_view part, std::uint64_t start, bool is
             return done;
         done += used;
     }
+    if (encoding_ == Encoding::Binary)
+        set_layout(start + done - point_ * point_bytes_, out);
     for (; point_ < num_points_ && part.size() - done >= point_bytes_; ++point_)
     {
         binary_point(part.substr(done), start + done, out);

@@ -11,6 +11,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -80,7 +81,7 @@ private:
     struct Point
     {
         double values[6] = {};
-        std::uint64_t starts[6] = {};
+        Token numbers[6] = {};    ///< in the file
         std::uint32_t colour = 0; ///< 0xRRGGBB
     };
 
@@ -98,6 +99,8 @@ private:
     std::size_t unpack(std::string_view part, std::uint64_t start, bool is_last,
                        Geometry& out);
     void keep(const Point& point, Geometry& out);
+    /// Tells \p out where the numbers of points stand; point 0 begins at byte \p start.
+    void set_layout(std::uint64_t start, Geometry& out) const;
     Where here(std::uint64_t start, const std::string& field = {}) const;
 
     std::string file_;

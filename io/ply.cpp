@@ -227,17 +227,24 @@ void PlyScanner::assign_roles(Geometry& out)
         bool found[kCornerList] = {};
         for (Property& property : element.properties)
         {
+            const std::size_t offset = static_cast<std::size_t>(element.min_bytes);
             element.min_bytes +=
                 stored_size(property.is_list ? property.count_type : property.type);
+            element.has_lists |= property.is_list;
             if (element.name == "vertex" && !property.is_list)
                 for (int role = 0; role < kCornerList; ++role)
                     if (property.name == names[role])
                     {
                         property.role = role;
                         found[role] = true;
+                        columns_[static_cast<std::size_t>(role)] = {offset,
+                                                                    property.type};
                     }
             if (const int role = role_of_list(element.name, property); role >= 0)
+            {
                 property.role = role;
+                has_faces_ |= element.count > 0;
+            }
         }
         if (encoding_ == Encoding::Ascii)
             element.min_bytes = 2 * element.properties.size();
@@ -284,6 +291,9 @@ void PlyScanner::assign_roles(Geometry& out)
             if ((is_normal && !has_normals) || (is_rotation && !has_rotations) ||
                 (is_colour && (!has_colours || property.type != Scalar::UInt8)))
                 property.role = -1;
+            element.has_normal |= property.role == kNormal;
+            element.has_rotation |= property.role == kRotation;
+            element.has_colour |= property.role == kColour;
             const std::size_t role = static_cast<std::size_t>(property.role);
             if (property.role < 0)
                 out.attributes.push_back(property.name);
@@ -314,9 +324,9 @@ void PlyScanner::assign_roles(Geometry& out)
 
 void PlyScanner::check_face(std::uint64_t count, std::uint64_t start) const
 {
-    if (count < 3 || count > kMaxCorners)
+    if (count > kMaxCorners)
         throw malformed(here(start),
-                        "got " + std::to_string(count) + " corners, need 3 to 1000000");
+                        "got " + std::to_string(count) + " corners, need 0 to 1000000");
 }
 
 std::uint32_t PlyScanner::corner(double index, std::uint64_t start) const
@@ -356,58 +366,190 @@ void PlyScanner::add_corner(int role, double index, std::uint64_t start, Strip& 
 {
     if (role == kCornerList)
         out.corners.push_back(corner(index, start));
+    if (role == kShortList)
+        corner(index, start); // no face, but its indices have to be right
     if (role == kStripList)
         add_to_strip(index, start, strip, out);
 }
 
-void PlyScanner::keep(const Element& element, const Record& record, Geometry& out)
+bool PlyScanner::keep_sample(const double* x, const std::uint64_t* starts,
+                             Geometry& out) const
 {
-    bool has_normal = false, has_rotation = false, has_colour = false;
-    for (const Property& property : element.properties)
+    if (!has_faces_ && std::isnan(x[0]) && std::isnan(x[1]) && std::isnan(x[2]))
     {
-        has_normal |= property.role == kNormal;
-        has_rotation |= property.role == kRotation;
-        has_colour |= property.role == kColour;
+        ++out.num_missing;
+        return false;
     }
-    const double* v = record.values;
     for (int k = 0; k < 3; ++k)
-        if (!std::isfinite(v[k]))
-            throw malformed(here(record.starts[k], std::string(1, "xyz"[k])),
-                            "is not finite (got " + shortest(v[k]) + ")");
-    out.samples.emplace_back(v[0], v[1], v[2]);
-    out.sample_places.starts.append(record.starts, record.starts + 3);
-    if (has_colour)
-        out.colours.push_back({static_cast<std::uint8_t>(v[kColour]),
-                               static_cast<std::uint8_t>(v[kColour + 1]),
-                               static_cast<std::uint8_t>(v[kColour + 2])});
-    if (has_rotation)
-        keep_rotation(record, out);
-    if (!has_normal)
-        return;
+        if (!std::isfinite(x[k]))
+            throw malformed(here(starts[k], std::string(1, "xyz"[k])),
+                            "is not finite (got " + shortest(x[k]) + ")");
+    out.samples.emplace_back(x[0], x[1], x[2]);
+    return true;
+}
+
+bool PlyScanner::keep_normal(const double* n, Geometry& out)
+{
     // A normal that is none stays as it is: it takes no part.
-    const Eigen::Vector3d normal(v[3], v[4], v[5]);
+    const Eigen::Vector3d normal(n[0], n[1], n[2]);
     if (!normal.allFinite() || normal.isZero(0))
     {
         out.num_bad_normals += normal.allFinite() ? 0 : 1;
-        return;
+        return false;
     }
     out.directions.push_back(normal);
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
-    out.direction_places.starts.append(record.starts + 3, record.starts + 6);
+    return true;
 }
 
-void PlyScanner::keep_rotation(const Record& record, Geometry& out)
+bool PlyScanner::keep_rotation(const double* q, Geometry& out)
 {
-    const double* q = record.values + kRotation;
     const Eigen::Vector4d rotation(q[0], q[1], q[2], q[3]);
     if (!rotation.allFinite() || rotation.isZero(0))
     {
         ++out.num_bad_rotations;
-        return;
+        return false;
     }
     out.rotations.push_back(rotation);
     out.rotation_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
-    out.rotation_places.starts.append(record.starts + kRotation, record.starts + kColour);
+    return true;
+}
+
+void PlyScanner::keep(const Element& element, const Record& record, Geometry& out)
+{
+    const double* v = record.values;
+    const std::uint64_t starts[3] = {record.numbers[0].start, record.numbers[1].start,
+                                     record.numbers[2].start};
+    if (!keep_sample(v, starts, out))
+        return;
+    out.sample_places.add(record.numbers);
+    if (element.has_colour)
+        out.colours.push_back({static_cast<std::uint8_t>(v[kColour]),
+                               static_cast<std::uint8_t>(v[kColour + 1]),
+                               static_cast<std::uint8_t>(v[kColour + 2])});
+    if (element.has_rotation && keep_rotation(v + kRotation, out))
+        out.rotation_places.add(record.numbers + kRotation);
+    if (element.has_normal && keep_normal(v + kNormal, out))
+        out.direction_places.add(record.numbers + kNormal);
+}
+
+void PlyScanner::keep_fixed(const Element& element, std::string_view records,
+                            std::uint64_t start, Geometry& out)
+{
+    const std::size_t size = static_cast<std::size_t>(element.min_bytes);
+    const bool big = encoding_ == Encoding::Big;
+    const std::size_t count = records.size() / size;
+    const std::uint64_t first = start - record_ * size; // of vertex 0
+    const auto layout_of = [&](int role, std::size_t length)
+    {
+        RecordPlaces::Layout layout;
+        for (std::size_t k = 0; k < length; ++k)
+        {
+            layout.first[k] = first + columns_[static_cast<std::size_t>(role) + k].offset;
+            layout.stride[k] = size;
+        }
+        return layout;
+    };
+    out.sample_places.records.set_layout(layout_of(0, 3));
+    out.direction_places.records.set_layout(layout_of(kNormal, 3));
+    out.rotation_places.records.set_layout(layout_of(kRotation, 4));
+    out.samples.reserve(out.samples.size() + count);
+    if (element.has_colour)
+        out.colours.reserve(out.colours.size() + count);
+    if (element.has_normal)
+    {
+        out.directions.reserve(out.directions.size() + count);
+        out.direction_samples.reserve(out.direction_samples.size() + count);
+    }
+    if (element.has_rotation)
+    {
+        out.rotations.reserve(out.rotations.size() + count);
+        out.rotation_samples.reserve(out.rotation_samples.size() + count);
+    }
+    // Column by column, a few at once, so that they stay in the cache.
+    constexpr std::size_t kAtOnce = 512;
+    std::array<double, 3 * kAtOnce> x, n;
+    std::array<double, 4 * kAtOnce> q;
+    for (std::size_t done = 0; done < count; done += kAtOnce)
+    {
+        const std::size_t num = std::min(kAtOnce, count - done);
+        const char* const bytes = records.data() + done * size;
+        const auto load = [&](int role, std::size_t length, double* values)
+        {
+            for (std::size_t k = 0; k < length; ++k)
+            {
+                const Column& column = columns_[static_cast<std::size_t>(role) + k];
+                load_stored(bytes + column.offset, size, column.type, big, num,
+                            values + k, length);
+            }
+        };
+        load(0, 3, x.data());
+        if (element.has_normal)
+            load(kNormal, 3, n.data());
+        if (element.has_rotation)
+            load(kRotation, 4, q.data());
+        for (std::size_t i = 0; i < num; ++i, ++record_)
+        {
+            const char* const record = bytes + i * size;
+            const std::uint64_t at = first + record_ * size;
+            const std::uint64_t starts[3] = {at + columns_[0].offset,
+                                             at + columns_[1].offset,
+                                             at + columns_[2].offset};
+            if (!keep_sample(x.data() + 3 * i, starts, out))
+                continue;
+            out.sample_places.records.add(record_);
+            if (element.has_colour)
+                out.colours.push_back(
+                    {static_cast<std::uint8_t>(record[columns_[kColour].offset]),
+                     static_cast<std::uint8_t>(record[columns_[kColour + 1].offset]),
+                     static_cast<std::uint8_t>(record[columns_[kColour + 2].offset])});
+            if (element.has_rotation && keep_rotation(q.data() + 4 * i, out))
+                out.rotation_places.records.add(record_);
+            if (element.has_normal && keep_normal(n.data() + 3 * i, out))
+                out.direction_places.records.add(record_);
+        }
+    }
+}
+
+std::size_t PlyScanner::keep_faces(const Element& element, std::string_view bytes,
+                                   Geometry& out)
+{
+    const Property& list = element.properties.front();
+    if (element.properties.size() != 1 || list.role != kCornerList ||
+        stored_size(list.count_type) != 1 || stored_size(list.type) != 4)
+        return 0;
+    const bool big = encoding_ == Encoding::Big;
+    const std::uint64_t most =
+        std::min<std::uint64_t>(element.count - record_, bytes.size() / 13);
+    out.face_ends.reserve(out.face_ends.size() + static_cast<std::size_t>(most));
+    out.corners.reserve(out.corners.size() + 3 * static_cast<std::size_t>(most));
+    std::size_t at = 0;
+    for (; record_ < element.count && at < bytes.size(); ++record_)
+    {
+        // What is wrong, or not whole, is for the one that reads any record.
+        const unsigned count = static_cast<unsigned char>(bytes[at]);
+        if (count < 3 || (count > 127 && list.count_type == Scalar::Int8) ||
+            bytes.size() - at - 1 < 4 * std::size_t(count))
+            break;
+        const std::size_t first = out.corners.size();
+        bool is_right = true;
+        for (unsigned k = 0; k < count; ++k)
+        {
+            std::uint32_t index;
+            std::memcpy(&index, bytes.data() + at + 1 + 4 * std::size_t(k), 4);
+            index = big ? __builtin_bswap32(index) : index;
+            is_right &= index < num_samples_;
+            out.corners.push_back(index);
+        }
+        if (!is_right)
+        {
+            out.corners.resize(first);
+            break;
+        }
+        out.face_ends.push_back(out.corners.size());
+        at += 1 + 4 * std::size_t(count);
+    }
+    return at;
 }
 
 bool PlyScanner::ascii_record(const Element& element, std::string_view line,
@@ -440,21 +582,23 @@ bool PlyScanner::ascii_record(const Element& element, std::string_view line,
             if (property.role >= 0)
                 record.values[property.role] = value;
             if (property.role >= 0 && property.role < kColour)
-                record.starts[property.role] = token.start;
+                record.numbers[property.role] = token;
             continue;
         }
         if (!(value >= 0 && value <= 4294967295.0) || value != std::floor(value))
             throw malformed(here(token.start, property.name),
                             "is no list length (got " + in_quotes(token.text) + ")");
-        if (property.role == kCornerList)
+        const int role =
+            property.role == kCornerList && value < 3 ? kShortList : property.role;
+        if (role == kCornerList)
             check_face(static_cast<std::uint64_t>(value), token.start);
         Strip strip;
         for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(value); ++i)
         {
             const double item = number(property.name);
-            add_corner(property.role, item, token.start, strip, out);
+            add_corner(role, item, token.start, strip, out);
         }
-        if (property.role == kCornerList)
+        if (role == kCornerList)
             out.face_ends.push_back(out.corners.size());
     }
     if (tokens.next(token))
@@ -482,7 +626,7 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
             if (property.role >= 0)
                 record.values[property.role] = value;
             if (property.role >= 0 && property.role < kColour)
-                record.starts[property.role] = start + at;
+                record.numbers[property.role].start = start + at;
             at += stored_size(type);
             continue;
         }
@@ -490,7 +634,9 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
             throw malformed(here(start + at, property.name),
                             "is no list length (got " + shortest(value) + ")");
         const std::uint64_t count = static_cast<std::uint64_t>(value);
-        if (property.role == kCornerList)
+        const int role =
+            property.role == kCornerList && count < 3 ? kShortList : property.role;
+        if (role == kCornerList)
             check_face(count, start + at);
         at += stored_size(type);
         const std::uint64_t size = count * stored_size(property.type);
@@ -501,12 +647,12 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
         if (bytes.size() - at < size)
             return false;
         Strip strip;
-        for (std::uint64_t i = 0; property.role >= 0 && i < count; ++i)
-            add_corner(property.role,
+        for (std::uint64_t i = 0; role >= 0 && i < count; ++i)
+            add_corner(role,
                        load_stored(bytes.data() + at + i * stored_size(property.type),
                                    property.type, big),
                        start + at, strip, out);
-        if (property.role == kCornerList)
+        if (role == kCornerList)
             out.face_ends.push_back(out.corners.size());
         at += static_cast<std::size_t>(size);
     }
@@ -543,9 +689,8 @@ std::size_t PlyScanner::skip(std::string_view part)
         lines_ = lines.line_number();
         return lines.consumed();
     }
-    for (const Property& property : element.properties)
-        if (property.is_list)
-            return 0;
+    if (element.has_lists)
+        return 0;
     const std::uint64_t count =
         std::min(element.count - record_, part.size() / element.min_bytes);
     record_ += count;
@@ -583,10 +728,28 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
     }
     while (next_element())
     {
+        const Element& element = elements_[element_];
+        if (!element.has_lists)
+        {
+            const std::uint64_t count = std::min<std::uint64_t>(
+                element.count - record_, (part.size() - done) / element.min_bytes);
+            const std::size_t length =
+                static_cast<std::size_t>(count * element.min_bytes);
+            if (count == 0)
+                return done;
+            if (element.name == "vertex")
+                keep_fixed(element, part.substr(done, length), start + done, out);
+            else
+                record_ += count;
+            done += length;
+            continue;
+        }
+        done += keep_faces(element, part.substr(done), out);
+        if (record_ == element.count)
+            continue;
         std::size_t length = 0;
         const std::size_t corners = out.corners.size(), faces = out.face_ends.size();
-        if (!binary_record(elements_[element_], part.substr(done), start + done, length,
-                           out))
+        if (!binary_record(element, part.substr(done), start + done, length, out))
         {
             // Read again when there is more of it.
             out.corners.resize(corners);
@@ -609,10 +772,7 @@ std::optional<PlyScanner::Vertices> PlyScanner::find_vertices(std::string_view p
     has_header_ = true;
     for (const Element& element : elements_)
     {
-        const bool has_lists =
-            std::any_of(element.properties.begin(), element.properties.end(),
-                        [](const Property& property) { return property.is_list; });
-        if (encoding_ == Encoding::Ascii || (has_lists && element.count > 0))
+        if (encoding_ == Encoding::Ascii || (element.has_lists && element.count > 0))
             return std::nullopt;
         vertices.bytes = element.min_bytes;
         vertices.count = element.count;
@@ -651,6 +811,12 @@ void PlyScanner::finish(Geometry& out)
                         "the file ends here (need " + std::to_string(element.count) +
                             " records)");
     }
+    if (out.num_samples() == 0)
+        throw malformed({file_, 0, ""}, "no vertices: every point is NaN");
+    if (out.num_missing > 0)
+        out.warnings.push_back(
+            at({file_, 0, ""}, std::to_string(out.num_missing) +
+                                   " points without a place (NaN) stay as they are"));
     if (trailing_ > 0)
         out.warnings.push_back(at({file_, 0, ""}, std::to_string(trailing_) +
                                                       " bytes after the last record pass "

@@ -2,6 +2,7 @@
 // Stanford PLY: ascii and both binaries, any elements, properties and types.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -63,10 +65,19 @@ private:
         std::int64_t line = 0;
         std::vector<Property> properties;
         std::uint64_t min_bytes = 0; ///< of a record
+        bool has_lists = false;
+        bool has_normal = false, has_rotation = false, has_colour = false;
     };
-    /// Roles: 0..2 position, 3..5 normal, 6..9 rotation, 10..12 colour.
+    /// Roles: 0..2 position, 3..5 normal, 6..9 rotation, 10..12 colour; the corners of
+    /// faces, of strips, of faces that have too few corners to be any.
     static constexpr int kNormal = 3, kRotation = 6, kColour = 10, kCornerList = 13,
-                         kStripList = 14;
+                         kStripList = 14, kShortList = 15;
+    /// A property with a role, in records of one size.
+    struct Column
+    {
+        std::size_t offset = 0; ///< in the record [bytes]
+        Scalar type = Scalar::Float32;
+    };
     /// Of a strip of triangles: each corner makes one with the two before it, every other
     /// one of them turned over; -1 begins anew.
     struct Strip
@@ -78,7 +89,7 @@ private:
     struct Record
     {
         double values[kCornerList];
-        std::uint64_t starts[kColour];
+        Token numbers[kColour]; ///< of a binary record only where they start
     };
 
     /// The role of a property that lists the corners of faces, or of strips; else -1.
@@ -93,7 +104,18 @@ private:
     bool binary_record(const Element& element, std::string_view bytes,
                        std::uint64_t start, std::size_t& length, Geometry& out);
     void keep(const Element& element, const Record& record, Geometry& out);
-    void keep_rotation(const Record& record, Geometry& out);
+    /// Vertices of a binary file, of one size, in \p records, which begins at byte
+    /// \p start.
+    void keep_fixed(const Element& element, std::string_view records, std::uint64_t start,
+                    Geometry& out);
+    /// A sample that has to be finite; false if it has no place.
+    bool keep_sample(const double* x, const std::uint64_t* starts, Geometry& out) const;
+    /// Of the sample that was kept last; false if it is none.
+    static bool keep_normal(const double* n, Geometry& out);
+    static bool keep_rotation(const double* q, Geometry& out);
+    /// Faces of a binary file whose records are one list of corners each, as long as
+    /// they are whole in \p bytes. Returns how many bytes they take.
+    std::size_t keep_faces(const Element& element, std::string_view bytes, Geometry& out);
     void add_to_strip(double index, std::uint64_t start, Strip& strip,
                       Geometry& out) const;
     void check_face(std::uint64_t count, std::uint64_t start) const;
@@ -110,8 +132,10 @@ private:
     bool has_format_ = false;
     std::vector<Element> elements_;
     std::uint64_t num_samples_ = 0;
-    std::size_t element_ = 0;  ///< being read
-    std::uint64_t record_ = 0; ///< of that element
+    bool has_faces_ = false;
+    std::array<Column, kCornerList> columns_ = {}; ///< of the vertices, by role
+    std::size_t element_ = 0;                      ///< being read
+    std::uint64_t record_ = 0;                     ///< of that element
     std::int64_t lines_ = 0;
     std::uint64_t trailing_ = 0; ///< [bytes] after the last record
 };

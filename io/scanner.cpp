@@ -72,7 +72,7 @@ std::unique_ptr<Scanner> make_scanner(const std::string& path, const std::string
 }
 
 void check_content(const std::string& path, const std::string& format,
-                   std::string_view part, std::uint64_t start)
+                   std::string_view part, std::uint64_t start, bool is_last)
 {
     if (start == 0 && part.empty())
         throw malformed({path, 0, ""}, "the file is empty: no vertices");
@@ -81,6 +81,8 @@ void check_content(const std::string& path, const std::string& format,
         (format == "ply" && (start > 0 || part.starts_with("ply")));
     if (may_be_binary)
         return;
+    if (is_last)
+        part = without_end_mark(part, start);
     if (const std::string guess =
             start == 0 ? foreign_content(part) : foreign_bytes(part);
         !guess.empty())

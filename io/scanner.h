@@ -39,8 +39,8 @@ std::unique_ptr<Scanner> make_scanner(const std::string& path, const std::string
                                       const ReadOptions& options);
 
 /// Throws Fault::Malformed if the file is empty or of another kind, as far as the part
-/// that starts at byte \p start shows it.
+/// that starts at byte \p start shows it. \p is_last: the file ends with the part.
 void check_content(const std::string& path, const std::string& format,
-                   std::string_view part, std::uint64_t start);
+                   std::string_view part, std::uint64_t start, bool is_last = false);
 
 } // namespace cellwarp

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <optional>
 
 #include <Eigen/Geometry>
@@ -17,6 +18,11 @@ namespace
 {
 
 constexpr std::uint64_t kHeaderBytes = 84, kFacetBytes = 50;
+bool is_comment(std::string_view word)
+{
+    return word.starts_with(';') || word.starts_with('#') || word.starts_with("//");
+}
+
 constexpr std::uint64_t kMaxFacets = ((std::uint64_t(1) << 31) - 1) / 3;
 
 } // namespace
@@ -27,8 +33,10 @@ void StlScanner::begin(std::string_view part, Geometry& out)
     count_ = has_count ? static_cast<std::uint64_t>(
                              load_stored(part.data() + 80, Scalar::UInt32, false))
                        : 0;
-    const bool fits = has_count && (file_bytes_ == kUnknownBytes ||
-                                    file_bytes_ == kHeaderBytes + kFacetBytes * count_);
+    const std::uint64_t needed = kHeaderBytes + kFacetBytes * count_;
+    const bool fits =
+        has_count && (file_bytes_ == kUnknownBytes ||
+                      (file_bytes_ >= needed && file_bytes_ - needed < kFacetBytes));
     const std::string_view text = part.substr(byte_order_mark(part));
     const std::size_t word = text.find_first_not_of(" \t\r\n");
     const bool says_solid =
@@ -58,53 +66,63 @@ void StlScanner::begin(std::string_view part, Geometry& out)
     out.direction_places.scalars.fill(Scalar::Float32);
 }
 
-void StlScanner::add_normal(const Eigen::Vector3d& normal, const std::uint64_t* starts,
-                            Geometry& out)
+bool StlScanner::add_normal(const Eigen::Vector3d& normal, Geometry& out)
 {
     // A normal that is none stays as it is.
     if (!normal.allFinite() || normal.isZero(0))
     {
         out.num_bad_normals += normal.allFinite() ? 0 : 1;
-        return;
+        return false;
     }
     out.directions.push_back(normal);
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size()));
-    out.direction_places.starts.append(starts, starts + 3);
+    return true;
 }
 
-void StlScanner::facet(std::string_view record, std::uint64_t start, Geometry& out)
+void StlScanner::facets(const char* records, std::size_t count, std::uint64_t start,
+                        Geometry& out)
 {
-    double values[12];
-    std::uint64_t starts[12];
-    for (std::size_t k = 0; k < 12; ++k)
+    const std::uint64_t first = start - facet_ * kFacetBytes;
+    out.direction_places.records.set_layout(
+        {{first, first + 4, first + 8}, {kFacetBytes, kFacetBytes, kFacetBytes}});
+    out.sample_places.records.set_layout({{first + 12, first + 16, first + 20},
+                                          {kFacetBytes, kFacetBytes, kFacetBytes},
+                                          3,
+                                          12});
+    out.samples.reserve(out.samples.size() + 3 * count);
+    out.corners.reserve(out.corners.size() + 3 * count);
+    out.face_ends.reserve(out.face_ends.size() + count);
+    out.directions.reserve(out.directions.size() + count);
+    out.direction_samples.reserve(out.direction_samples.size() + count);
+    for (std::size_t i = 0; i < count; ++i, records += kFacetBytes, ++facet_)
     {
-        values[k] = load_stored(record.data() + 4 * k, Scalar::Float32, false);
-        starts[k] = start + 4 * k;
+        Eigen::Matrix<float, 3, 4> numbers; // the normal and three corners
+        std::memcpy(numbers.data(), records, sizeof(float) * 12);
+        if (add_normal(numbers.col(0).cast<double>(), out))
+            out.direction_places.records.add(facet_);
+        for (int corner = 1; corner < 4; ++corner)
+        {
+            if (!numbers.col(corner).allFinite())
+                throw malformed(
+                    {file_, 0,
+                     "facet " + std::to_string(facet_) + " (byte " +
+                         std::to_string(first + facet_ * kFacetBytes +
+                                        12 * static_cast<std::uint64_t>(corner)) +
+                         ")"},
+                    "a corner is not finite");
+            out.corners.push_back(static_cast<std::uint32_t>(out.samples.size()));
+            out.samples.push_back(numbers.col(corner).cast<double>());
+        }
+        out.sample_places.records.add(3 * facet_, 3);
+        out.face_ends.push_back(out.corners.size());
     }
-    add_normal({values[0], values[1], values[2]}, starts, out);
-    for (std::size_t corner = 1; corner < 4; ++corner)
-    {
-        const Eigen::Vector3d x(values[3 * corner], values[3 * corner + 1],
-                                values[3 * corner + 2]);
-        if (!x.allFinite())
-            throw malformed({file_, 0,
-                             "facet " + std::to_string(facet_) + " (byte " +
-                                 std::to_string(starts[3 * corner]) + ")"},
-                            "a corner is not finite");
-        out.corners.push_back(static_cast<std::uint32_t>(out.samples.size()));
-        out.samples.push_back(x);
-    }
-    out.sample_places.starts.append(starts + 3, starts + 12);
-    out.face_ends.push_back(out.corners.size());
-    ++facet_;
 }
 
 void StlScanner::numbers(Tokens& tokens, bool is_normal, Geometry& out)
 {
     const std::string field = is_normal ? "normal" : "vertex";
     Eigen::Vector3d v;
-    std::uint64_t starts[3];
-    Token token;
+    Token token, numbers[3];
     for (int k = 0; k < 3; ++k)
     {
         if (!tokens.next(token))
@@ -118,16 +136,17 @@ void StlScanner::numbers(Tokens& tokens, bool is_normal, Geometry& out)
             throw malformed({file_, lines_, field},
                             "is not finite (got " + in_quotes(token.text) + ")");
         v[k] = *value;
-        starts[k] = token.start;
+        numbers[k] = token;
     }
     if (is_normal)
     {
-        add_normal(v, starts, out);
+        if (add_normal(v, out))
+            out.direction_places.add(numbers);
         return;
     }
     out.corners.push_back(static_cast<std::uint32_t>(out.samples.size()));
     out.samples.push_back(v);
-    out.sample_places.starts.append(starts, starts + 3);
+    out.sample_places.add(numbers);
 }
 
 void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry& out)
@@ -138,8 +157,15 @@ void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry&
         return;
     std::string word = lower_case(token.text);
     const std::string_view first = token.text;
+    // Colours of facets, and comments, are no part of the format; some programs write
+    // them.
+    const bool is_colour = word == "color" || word == "colour";
+    if (is_comment(first) || (is_colour && expected_ != "solid"))
+        return;
     if ((word == "facet" || word == "outer") && tokens.next(token))
         word += " " + lower_case(token.text);
+    else if (word == "end" && tokens.next(token))
+        word += lower_case(token.text);
     // Keywords of two words are joined by a blank; alternatives by a bar.
     const std::string allowed = "|" + expected_ + "|";
     if (allowed.find("|" + word + "|") == std::string::npos)
@@ -180,7 +206,7 @@ void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry&
         in_facet_ = false;
         expected_ = "facet normal|endsolid";
     }
-    if (tokens.next(token))
+    if (tokens.next(token) && !is_comment(token.text))
         throw malformed({file_, lines_, word},
                         "one word too many (got " + in_quotes(token.text) + ")");
 }
@@ -222,11 +248,11 @@ std::size_t StlScanner::scan(std::string_view part, std::uint64_t start, bool is
         {
             // Its normal follows from its corners: only whole facets are handed out.
             out.samples.resize(samples);
-            out.sample_places.starts.truncate(3 * samples);
+            out.sample_places.truncate(samples);
             out.corners.resize(corners);
             out.directions.resize(directions);
             out.direction_samples.resize(directions);
-            out.direction_places.starts.truncate(3 * directions);
+            out.direction_places.truncate(directions);
             out.num_bad_normals = bad_normals;
         }
         if (in_facet_ && !is_last)
@@ -238,12 +264,18 @@ std::size_t StlScanner::scan(std::string_view part, std::uint64_t start, bool is
         }
         return done;
     }
-    for (; facet_ < count_ && part.size() - done >= kFacetBytes; done += kFacetBytes)
-        facet(part.substr(done, kFacetBytes), start + done, out);
-    if (facet_ == count_ && done < part.size())
+    const std::size_t count = static_cast<std::size_t>(
+        std::min<std::uint64_t>(count_ - facet_, (part.size() - done) / kFacetBytes));
+    if (count > 0)
+        facets(part.data() + done, count, start + done, out);
+    done += count * kFacetBytes;
+    if (facet_ < count_)
+        return done;
+    trailing_ += part.size() - done;
+    if (trailing_ >= kFacetBytes)
         throw malformed({file_, 0, "count (byte 80)"},
                         "more data than its " + std::to_string(count_) + " facets");
-    return done;
+    return part.size();
 }
 
 std::size_t StlScanner::skip(std::string_view part)
@@ -268,6 +300,10 @@ void StlScanner::finish(Geometry& out)
         throw malformed({file_, 0, ""}, "no vertices");
     if (out.num_directions() > 0)
         out.attributes.push_back("normals");
+    if (trailing_ > 0)
+        out.warnings.push_back(
+            at({file_, 0, ""},
+               std::to_string(trailing_) + " bytes after the last facet pass through"));
     if (out.num_bad_normals > 0)
         out.warnings.push_back(
             at({file_, 0, ""}, std::to_string(out.num_bad_normals) +

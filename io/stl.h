@@ -42,9 +42,12 @@ private:
     void begin(std::string_view part, Geometry& out);
     void statement(std::string_view line, std::uint64_t start, Geometry& out);
     void numbers(Tokens& tokens, bool is_normal, Geometry& out);
-    void facet(std::string_view record, std::uint64_t start, Geometry& out);
-    void add_normal(const Eigen::Vector3d& normal, const std::uint64_t* starts,
-                    Geometry& out);
+    /// The next \p count facets of a binary file, which begin at byte \p start.
+    void facets(const char* records, std::size_t count, std::uint64_t start,
+                Geometry& out);
+    /// Keeps the normal of the facet that begins with the next sample; false if it is
+    /// none.
+    static bool add_normal(const Eigen::Vector3d& normal, Geometry& out);
 
     std::string file_;
     std::uint64_t file_bytes_;
@@ -53,7 +56,8 @@ private:
     std::int64_t lines_ = 0;
     int corners_ = 0; ///< of the ascii facet being read
     bool in_facet_ = false;
-    std::string expected_; ///< ascii keywords that may come next, blank separated
+    std::uint64_t trailing_ = 0; ///< [bytes] after the last facet
+    std::string expected_;       ///< ascii keywords that may come next, blank separated
 };
 
 /// The normals of the facets once their corners are at \p samples: unit length times

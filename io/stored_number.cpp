@@ -32,6 +32,19 @@ Number load(const char* bytes, bool big_endian)
 }
 
 template <class Number>
+void load(const char* bytes, std::size_t stride, bool big_endian, std::size_t count,
+          double* values, std::size_t value_stride)
+{
+    const auto each = [&](bool is_swapped)
+    {
+        for (std::size_t i = 0; i < count; ++i)
+            values[i * value_stride] =
+                static_cast<double>(load<Number>(bytes + i * stride, is_swapped));
+    };
+    big_endian ? each(true) : each(false); // two loops: neither asks again
+}
+
+template <class Number>
 void put(Number value, bool big_endian, char* bytes)
 {
     std::memcpy(bytes, &value, sizeof value);
@@ -65,6 +78,7 @@ std::size_t stored_size(Scalar type)
     {
     case Scalar::Text:
     case Scalar::TextInt:
+    case Scalar::TextReal:
         return 0;
     case Scalar::Int8:
     case Scalar::UInt8:
@@ -88,6 +102,7 @@ double load_stored(const char* bytes, Scalar type, bool big_endian)
     {
     case Scalar::Text:
     case Scalar::TextInt:
+    case Scalar::TextReal:
         break;
     case Scalar::Int8:
         return load<std::int8_t>(bytes, big_endian);
@@ -107,6 +122,36 @@ double load_stored(const char* bytes, Scalar type, bool big_endian)
         return load<double>(bytes, big_endian);
     }
     return 0.0;
+}
+
+void load_stored(const char* bytes, std::size_t stride, Scalar type, bool big_endian,
+                 std::size_t count, double* values, std::size_t value_stride)
+{
+    const auto numbers = [&]<class Number>(Number)
+    { load<Number>(bytes, stride, big_endian, count, values, value_stride); };
+    switch (type)
+    {
+    case Scalar::Text:
+    case Scalar::TextInt:
+    case Scalar::TextReal:
+        return;
+    case Scalar::Int8:
+        return numbers(std::int8_t());
+    case Scalar::UInt8:
+        return numbers(std::uint8_t());
+    case Scalar::Int16:
+        return numbers(std::int16_t());
+    case Scalar::UInt16:
+        return numbers(std::uint16_t());
+    case Scalar::Int32:
+        return numbers(std::int32_t());
+    case Scalar::UInt32:
+        return numbers(std::uint32_t());
+    case Scalar::Float32:
+        return numbers(float());
+    case Scalar::Float64:
+        return numbers(double());
+    }
 }
 
 bool fits_stored(Scalar type, double value)
@@ -136,6 +181,7 @@ bool overwrite_stored(double value, Scalar type, bool big_endian, char* bytes)
     {
     case Scalar::Text:
     case Scalar::TextInt:
+    case Scalar::TextReal:
         break;
     case Scalar::Int8:
         return put_rounded<std::int8_t>(value, big_endian, bytes);
@@ -165,6 +211,13 @@ bool store(double value, Scalar type, bool big_endian, std::string& out)
         append_shortest(value, out);
     else if (type == Scalar::TextInt)
         append_shortest(std::nearbyint(value) + 0.0, out); // no -0
+    else if (type == Scalar::TextReal)
+    {
+        const std::size_t first = out.size();
+        append_shortest(value, out);
+        if (out.find_first_not_of("-0123456789", first) == std::string::npos)
+            out += ".0";
+    }
     else
     {
         char bytes[sizeof(double)] = {};

@@ -17,6 +17,11 @@ std::size_t stored_size(Scalar type);
 /// The number at \p bytes, which must hold stored_size(type) of them.
 double load_stored(const char* bytes, Scalar type, bool big_endian);
 
+/// The same for \p count numbers, each \p stride bytes behind the one before; number i
+/// goes to values[i * value_stride].
+void load_stored(const char* bytes, std::size_t stride, Scalar type, bool big_endian,
+                 std::size_t count, double* values, std::size_t value_stride);
+
 /// Whether an integer type can hold \p value exactly; true for a real type.
 bool fits_stored(Scalar type, double value);
 

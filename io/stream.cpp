@@ -34,8 +34,7 @@ struct MovingPart
     FilePart file;
     std::vector<Eigen::Vector3d> samples, directions, tangents;
     std::vector<Eigen::Vector4d> rotations;
-    std::vector<std::uint64_t> index_starts;
-    std::vector<std::uint32_t> new_indices;
+    std::vector<IndexEdit> indices;
     std::string out;
     std::exception_ptr error;
 };
@@ -58,6 +57,7 @@ private:
     void read(Batch& batch);
     void move(MovingPart& part) const;
     void write(Batch& batch);
+    void put(std::string_view bytes);
     StreamReport stopped();
 
     std::string path_, format_;
@@ -68,6 +68,7 @@ private:
     std::optional<NormalPlan> plan_;
     std::optional<PartReader> reader_;
     Geometry total_;
+    std::string end_mark_;    ///< read, but not written yet
     std::uint64_t done_ = 0;  ///< [bytes] of the input, written
     bool has_failed_ = false; ///< to read; the parts before are still written
     StreamReport report_;
@@ -115,8 +116,7 @@ void Stream::read(Batch& batch)
                 return;
             const Geometry& geometry = part.file.geometry;
             if (plan_)
-                plan_->take(geometry, part.directions, part.index_starts,
-                            part.new_indices);
+                plan_->take(geometry, part.directions, part.indices);
             else if (!geometry.corner_directions.empty())
                 throw Error(Fault::Usage, at({path_, 0, ""},
                                              "its faces use normals (vn), so it is read "
@@ -136,8 +136,7 @@ void Stream::move(MovingPart& part) const
     scan_part(part.file);
     const Geometry& geometry = part.file.geometry;
     part.out.clear();
-    if (geometry.samples.empty() && geometry.directions.empty() &&
-        part.index_starts.empty())
+    if (geometry.samples.empty() && geometry.directions.empty() && part.indices.empty())
     {
         part.out.swap(part.file.bytes);
         return;
@@ -159,9 +158,9 @@ void Stream::move(MovingPart& part) const
                 part.rotations});
     if (format_ == "stl")
         part.directions = facet_normals(geometry, part.samples);
-    PatchedBytes(path_, part.file.bytes, part.file.start, geometry,
-                 {part.samples, part.directions, part.tangents, part.rotations,
-                  part.index_starts, part.new_indices})
+    PatchedBytes(
+        path_, part.file.bytes, part.file.start, geometry,
+        {part.samples, part.directions, part.tangents, part.rotations, part.indices})
         .append_to(part.out);
 }
 
@@ -184,12 +183,23 @@ void Stream::write(Batch& batch)
         total_.num_bad_normals += geometry.num_bad_normals;
         total_.num_bad_rotations += geometry.num_bad_rotations;
         total_.num_missing += geometry.num_missing;
-        output_.write(part.out);
-        report_.bytes += part.out.size();
+        // New lines come before what stands behind the last line end.
+        put(std::exchange(end_mark_, {}));
+        std::string_view out = part.out;
+        if (plan_ && plan_->num_split() > 0)
+            out = without_end_mark(out, part.file.start);
+        put(out);
+        end_mark_ = std::string_view(part.out).substr(out.size());
         done_ = part.file.start;
     }
     if (batch.error)
         std::rethrow_exception(batch.error);
+}
+
+void Stream::put(std::string_view bytes)
+{
+    output_.write(bytes);
+    report_.bytes += bytes.size();
 }
 
 StreamReport Stream::run()
@@ -234,6 +244,7 @@ StreamReport Stream::run()
     reader_->finish(total_);
     if (plan_)
         plan_->write_lines(output_, report_.bytes);
+    put(end_mark_);
     input_.check_unchanged();
     report_.samples = total_.samples_before;
     report_.warnings = std::move(total_.warnings);

@@ -7,6 +7,16 @@
 namespace cellwarp
 {
 
+std::string_view without_end_mark(std::string_view text, std::uint64_t start)
+{
+    if (text.empty() || (text.back() != '\0' && text.back() != '\x1a'))
+        return text;
+    const std::string_view rest = text.substr(0, text.size() - 1);
+    const bool is_behind_line = rest.empty() ? start > 0 // a part begins with a line
+                                             : rest.back() == '\n' || rest.back() == '\r';
+    return is_behind_line ? rest : text;
+}
+
 bool LineReader::next(std::string_view& line)
 {
     if (next_ >= text_.size())

@@ -19,14 +19,20 @@ struct Token
 /// The byte order mark that UTF-8 files may start with, or nothing.
 std::size_t byte_order_mark(std::string_view bytes);
 
+/// The end of a file, from byte \p start of it on, without the one NUL or Ctrl-Z that
+/// some programs put behind the last line end.
+std::string_view without_end_mark(std::string_view text, std::uint64_t start);
+
 /// Hands out the lines of a text: ended by LF, CR LF or CR, the last one perhaps
-/// by nothing. With \p is_last false a line that is not ended is held back.
+/// by nothing. With \p is_last false a line that is not ended is held back, else an end
+/// mark is left out.
 class LineReader
 {
 public:
     LineReader(std::string_view text, std::uint64_t start, bool is_last,
                std::int64_t lines_before = 0)
-        : text_(text), start_(start), is_last_(is_last),
+        : text_(is_last ? without_end_mark(text, start) : text), size_(text.size()),
+          start_(start), is_last_(is_last),
           has_cr_(text.find('\r') != std::string_view::npos), line_(lines_before)
     {
     }
@@ -38,10 +44,11 @@ public:
     /// Where that line starts [byte].
     std::uint64_t line_start() const { return line_start_; }
     /// How much of the text has been handed out [byte].
-    std::size_t consumed() const { return next_; }
+    std::size_t consumed() const { return next_ == text_.size() ? size_ : next_; }
 
 private:
     std::string_view text_;
+    std::size_t size_; ///< with the end mark
     std::uint64_t start_;
     bool is_last_;
     bool has_cr_; ///< anywhere: few files have, and need not be searched again

@@ -91,7 +91,7 @@ void SpreadPly::move(std::uint64_t first, std::uint64_t end,
                            {geometry.rotation_samples, rotations}});
         moved.clear();
         PatchedBytes(path_, bytes, start, geometry,
-                     {samples, directions, {}, rotations, {}, {}})
+                     {samples, directions, {}, rotations, {}})
             .append_to(moved);
         output.write_at(start, moved);
     }

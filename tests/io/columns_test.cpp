@@ -56,7 +56,7 @@ TEST(Columns, keeps_every_other_column)
 
 TEST(Columns, knows_normals_by_name_by_length_and_by_flag)
 {
-    EXPECT_EQ(scan_geometry("x.xyz", "0 0 0 0 0 1\n1 0 0 0.6 0.8 0\n")
+    EXPECT_EQ(scan_geometry("x.xyz", "0 0 0 0 0 1.0\n1 0 0 0.6 0.8 0\n")
                   .geometry.directions.size(),
               2u);
     EXPECT_TRUE(scan_geometry("x.xyz", "0 0 0 12 0 255\n").geometry.directions.empty());
@@ -71,6 +71,72 @@ TEST(Columns, knows_normals_by_name_by_length_and_by_flag)
     EXPECT_TRUE(contains(
         error_of(Fault::Usage, [] { scan_geometry("x.xyz", "1 2 3\n", {"a,b,c"}); }),
         "--columns"));
+}
+
+TEST(Columns, six_columns_hold_normals_only_if_every_point_says_so)
+{
+    using Names = std::vector<std::string>;
+    const Names normals = {"x", "y", "z", "nx", "ny", "nz"};
+    const Names others = {"x", "y", "z", "column 4", "column 5", "column 6"};
+    std::string many;
+    for (int i = 0; i < 999; ++i)
+        many += std::to_string(i) + " 0 0 0.6 0.8 0\n";
+    const auto columns_of = [](const std::string& text)
+    { return scan_geometry("x.xyz", text).geometry.columns; };
+    EXPECT_EQ(columns_of(many), normals);
+    EXPECT_EQ(columns_of(many + "0 0 0 0.5 0.5 0.5\n"), others);
+    EXPECT_EQ(columns_of(many + "0 0 0 nan nan nan\n0 0 0 0.5 0.5 0.5\n"), normals);
+    EXPECT_EQ(columns_of("0 0 0 0 0 1\n" + many), others);                // blue
+    EXPECT_EQ(columns_of("0 0 0 1.0 0.0 0.0\n1 0 0 .5 .5 .5\n"), others); // red and grey
+    EXPECT_EQ(columns_of("0 0 0 nan nan nan\n"), others);
+    EXPECT_EQ(columns_of("0 0 0 0 0 a\n"), others);
+    // A part of a file is no reason to ask fewer points.
+    const std::string grey = "# c\n" + many + "0 0 0 0.5 0.5 0.5\n0 0 1 1.0 0 0\n";
+    for (const std::size_t size : {7, 100, 5000})
+        EXPECT_TRUE(
+            support::scanned_in_parts(ColumnsScanner("x.xyz", "xyz", ""), grey, size)
+                .directions.empty());
+    // Turned normals stay normals for those who read the file again.
+    const GeometryFile file = scan_geometry("x.xyz", "1 2 3 0.6 0.8 0.0\n");
+    const std::string turned = patched(file, {file.geometry.samples, {{0, 0, 1}}});
+    EXPECT_EQ(turned, "1 2 3 0.0 0.0 1.0\n");
+    EXPECT_EQ(columns_of(turned), normals);
+}
+
+TEST(Columns, numbers_in_quotes_are_patched_inside)
+{
+    const std::string text = "\"a\",\"X\",\"y\",\"z\"\n\"u,v\",\"1\",\" 2.0 \",\"3\"\n";
+    const GeometryFile file = scan_geometry("x.csv", text);
+    EXPECT_EQ(file.geometry.samples[0], Eigen::Vector3d(1, 2, 3));
+    EXPECT_EQ(patched(file, {{{1.5, 7, -3}}, {}}),
+              "\"a\",\"X\",\"y\",\"z\"\n\"u,v\",\"1.5\",\" 7 \",\"-3\"\n");
+    EXPECT_EQ(scan_geometry("x.csv", "\"1\",\"2\",\"3\"\n").geometry.samples.size(), 1u);
+    EXPECT_TRUE(contains(refused("x.csv", "\"1,5\",\"2\",\"3\"\n"), "x.csv:1"));
+}
+
+TEST(Columns, a_number_of_points_may_come_before_the_first)
+{
+    for (const std::string text : {"//X Y Z R G B\n2\n0 0 0 1 2 3\n1 0 0 4 5 6\n",
+                                   "2\n0 0 0\n1 0 0\n", "//X;Y;Z\n2\n0;0;0\n1;0;0\n"})
+    {
+        const GeometryFile file = scan_geometry("x.txt", text);
+        EXPECT_EQ(file.geometry.samples.size(), 2u);
+        EXPECT_EQ(patched(file, same(file.geometry)), text);
+    }
+    EXPECT_TRUE(contains(refused("x.txt", "3\n0 0 0\n1 0 0\n"),
+                         "x.txt:1: count: got 3 points, need 2"));
+    EXPECT_TRUE(contains(refused("x.txt", "2\n3\n4\n"), "x.txt:1: point"));
+    EXPECT_TRUE(contains(refused("x.txt", "0 0 0\n2\n1 0 0\n"), "x.txt:2: point"));
+}
+
+TEST(Columns, a_pts_may_hold_several_scans)
+{
+    const std::string text = "2\n0 0 0 9\n1 0 0 9\n1\n2 0 0 9\n";
+    const GeometryFile file = scan_geometry("x.pts", text);
+    EXPECT_EQ(file.geometry.samples.size(), 3u);
+    EXPECT_EQ(patched(file, same(file.geometry)), text);
+    EXPECT_TRUE(contains(refused("x.pts", text + "3 0 0 9\n"),
+                         "x.pts:1: count: got 3 points, need 4"));
 }
 
 TEST(Columns, a_pts_starts_with_its_count)
@@ -110,7 +176,7 @@ TEST(Columns, parts_of_a_file_give_what_the_whole_gives)
         const Geometry out =
             support::scanned_in_parts(ColumnsScanner("x.csv", "csv", ""), text, size);
         ASSERT_EQ(out.samples, whole.samples) << size;
-        ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;
+        ASSERT_EQ(out.sample_places, whole.sample_places) << size;
     }
 }
 

@@ -79,4 +79,30 @@ TEST(Number, bytes_are_told_in_words)
     EXPECT_EQ(in_bytes(1.26e6), "1.3 MB");
 }
 
+TEST(Number, beyond_the_largest_and_below_the_smallest_are_told_apart)
+{
+    const std::string zeros(400, '0');
+    const double inf = std::numeric_limits<double>::infinity();
+    EXPECT_EQ(parse_double("1" + zeros + "e-50"), inf);
+    EXPECT_EQ(parse_double("-1" + zeros + ".5e-50"), -inf);
+    EXPECT_EQ(parse_double("1e400"), inf);
+    EXPECT_EQ(parse_double("0." + zeros + "1e+900"), inf);
+    EXPECT_EQ(parse_double("1e99999999999999999999"), inf);
+    EXPECT_EQ(parse_double("0." + zeros + "1e50"), 0.0);
+    EXPECT_EQ(parse_double("1e-400"), 0.0);
+    EXPECT_EQ(parse_double("." + zeros + "1"), 0.0);
+    EXPECT_EQ(parse_double("1e-99999999999999999999"), 0.0);
+    EXPECT_EQ(parse_double("1" + zeros + "e-800"), 0.0);
+}
+
+TEST(Number, what_old_libraries_write_for_no_number_is_known)
+{
+    EXPECT_EQ(parse_double("-1.#INF"), -std::numeric_limits<double>::infinity());
+    EXPECT_EQ(parse_double("1.#INF00"), std::numeric_limits<double>::infinity());
+    for (const char* text : {"-1.#IND", "1.#QNAN0", "1.#SNAN", "-nan(ind)", "nan"})
+        EXPECT_TRUE(std::isnan(parse_double(text).value_or(0.0))) << text;
+    for (const char* text : {"1.#", "1.#IN", "1.#INFx", "2.#INF", "#INF", "1.#IND5"})
+        EXPECT_FALSE(parse_double(text)) << text;
+}
+
 } // namespace cellwarp

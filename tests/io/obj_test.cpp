@@ -101,14 +101,104 @@ TEST(Obj, refuses_indices_that_cannot_be_trusted)
 {
     for (const std::string index :
          {"0", "4", "-4", "4294967297", "18446744073709551617", "1.5", "1x",
-          "99999999999999999999999999", "1/", "1/2/3/4", "/1"})
+          "99999999999999999999999999", "1/2/3/4", "/1", "1/x", "1//x"})
         EXPECT_TRUE(
             contains(refused(kTriangle + "f 1 2 " + index + "\n"), "x.obj:4: face index"))
             << index;
-    EXPECT_TRUE(contains(refused(kTriangle + "f 1/1 2/1 3/1\n"), "x.obj:4"));
-    EXPECT_TRUE(contains(refused(kTriangle + "f 1//1 2//1 3//1\n"), "x.obj:4"));
-    EXPECT_TRUE(contains(refused(kTriangle + "f 1 2\n"), "2 corners"));
-    EXPECT_TRUE(contains(refused(kTriangle + "f\n"), "0 corners"));
+    EXPECT_TRUE(contains(refused(kTriangle + "f 1 4\n"), "x.obj:4: face index"));
+}
+
+TEST(Obj, indices_that_no_sample_needs_may_lack)
+{
+    // Empty ones, ones of vt that the file has not, and of vn with a warning.
+    for (const std::string face : {"f 1/ 2/ 3/", "f 1// 2// 3//", "f 1/1/ 2/1/ 3/1/",
+                                   "f 1/1 2/7 3/-4", "f 1/0/0 2/0/0 3/0/0"})
+    {
+        const GeometryFile file = scan_geometry("x.obj", kTriangle + face + "\n");
+        EXPECT_EQ(file.geometry.num_faces(), 1u) << face;
+        EXPECT_TRUE(file.geometry.warnings.empty()) << face;
+        EXPECT_EQ(patched(file, {file.geometry.samples, {}}), file.bytes);
+    }
+    for (const std::string face : {"f 1//1 2//3 3//2", "f 3//1 2//-2 1//1"})
+    {
+        const Geometry g =
+            scan_geometry("x.obj", kTriangle + "vn 0 0 1\n" + face + "\n").geometry;
+        EXPECT_EQ(direction_uses(g).size(), face[2] == '1' ? 1u : 2u) << face;
+        ASSERT_EQ(g.warnings.size(), 1u);
+        EXPECT_TRUE(contains(g.warnings[0], face[2] == '1'
+                                                ? "x.obj:5: face index: the file has no "
+                                                  "normal 3 (of 1)"
+                                                : "the file has no normal -2 (of 1)"));
+    }
+}
+
+TEST(Obj, faces_of_too_few_corners_are_none_and_two_are_an_edge)
+{
+    const std::string text =
+        kTriangle + "vn 0 0 1\nf\nf 2\nf 1//1 3//1\nf 1//1 2//1 3//1\nf 3\n";
+    const GeometryFile file = scan_geometry("x.obj", text);
+    const Geometry& g = file.geometry;
+    EXPECT_EQ(g.num_faces(), 1u);
+    EXPECT_EQ(g.corners, (std::vector<std::uint32_t>{0, 1, 2}));
+    EXPECT_EQ(g.corner_directions, (std::vector<std::uint32_t>{0, 0, 0}));
+    EXPECT_EQ(g.lines, (std::vector<std::array<std::uint32_t, 2>>{{0, 2}}));
+}
+
+TEST(Obj, normals_that_are_not_finite_stay)
+{
+    const std::string text = kTriangle + "vn nan nan nan\nvn 0 0 1\nvn -1.#IND 0 0\n"
+                                         "f 1//1 2//2 3//3\nf 1//2 2//1 3//2\n";
+    const GeometryFile file = scan_geometry("x.obj", text);
+    EXPECT_EQ(direction_uses(file.geometry).size(), 3u);
+    ASSERT_EQ(file.geometry.warnings.size(), 1u);
+    EXPECT_TRUE(contains(file.geometry.warnings[0], "2 normals are not finite"));
+    DeformedSamples patch{file.geometry.samples, {}};
+    patch.directions.assign(3, Eigen::Vector3d(1, 0, 0));
+    std::string moved = text;
+    moved.replace(moved.find("vn 0 0 1"), 8, "vn 1 0 0");
+    EXPECT_EQ(patched(file, patch), moved);
+}
+
+TEST(Obj, a_comment_is_not_continued_and_a_folder_is_none)
+{
+    const std::string body = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    for (const std::string line :
+         {"# C:\\x\\", "mtllib C:\\x\\", "usemtl a\\", "o a\\", "g a\\"})
+        for (const std::string end : {"\n", "\r\n"})
+        {
+            const GeometryFile file =
+                scan_geometry("x.obj", line + end + body + line + end + "f 1 2 3\n");
+            EXPECT_EQ(file.geometry.samples.size(), 3u) << line;
+            EXPECT_EQ(file.geometry.num_faces(), 1u) << line;
+        }
+    EXPECT_EQ(scan_geometry("x.obj", body + "f 1 2 \\\n3 # C:\\\nf 1 2 3\n")
+                  .geometry.num_faces(),
+              2u);
+    // A name may go on where no statement follows.
+    const Geometry g = scan_geometry("x.obj", body + "g a \\\n b\nf 1 2 3\n").geometry;
+    EXPECT_EQ(g.groups.size(), 2u);
+    for (const std::size_t size : {1, 3, 7, 20})
+        EXPECT_EQ(support::scanned_in_parts(ObjScanner("x.obj"),
+                                            body + "mtllib a\\\nf 1 2 3\n# b\\\nf 1 2 3",
+                                            size)
+                      .num_faces(),
+                  2u);
+}
+
+TEST(Obj, new_normals_stand_before_an_end_mark)
+{
+    const std::string text = kTriangle + "vn 0 0 1\nf 1//1 2//1 3//1\n";
+    for (const char mark : {'\0', '\x1a'})
+    {
+        const GeometryFile file = scan_geometry("x.obj", text + mark);
+        DeformedSamples patch{file.geometry.samples, {{1, 0, 0}, {0, 1, 0}, {0, 1, 0}}};
+        const std::string moved = patched(file, patch);
+        EXPECT_EQ(moved.substr(moved.size() - 10), std::string("vn 0 1 0\n") + mark);
+        EXPECT_EQ(scan_geometry("x.obj", moved).geometry.directions.size(), 2u);
+        EXPECT_TRUE(contains(refused(text + mark + mark), "x.obj"));
+        EXPECT_TRUE(contains(refused(text + "v 0 0 0" + mark), "x.obj"));
+        EXPECT_TRUE(contains(refused(text + mark + "\n"), "x.obj"));
+    }
 }
 
 TEST(Obj, refuses_numbers_that_cannot_be_trusted)
@@ -119,8 +209,12 @@ TEST(Obj, refuses_numbers_that_cannot_be_trusted)
             contains(refused("v 0 0 0\nv 0 " + number + " 0\n"), "x.obj:2: number 2"))
             << number;
     EXPECT_TRUE(contains(refused("v 0 0\n"), "x.obj:1: vertex"));
-    EXPECT_TRUE(contains(refused("v 1 2 3 4 5 6 7 8\n"),
-                         "x.obj:1: number 8: one too many (need at most 7)"));
+    EXPECT_TRUE(contains(refused("v 1 2 3 4 5 6 7 8 9\n"),
+                         "x.obj:1: number 9: one too many (need at most 8)"));
+    const Geometry g =
+        scan_geometry("x.obj", "v 0 0 0 1 1 0 0 0.5\nv 1 0 0 nan 1 0\n").geometry;
+    EXPECT_EQ(g.colours[0], (std::array<std::uint8_t, 3>{255, 0, 0}));
+    EXPECT_EQ(g.colours[1], (std::array<std::uint8_t, 3>{200, 255, 0}));
     EXPECT_TRUE(
         contains(refused("v 0 0 0\nvn 0 1\n"), "x.obj:2: normal: got 2 numbers, need 3"));
     EXPECT_TRUE(contains(refused("v 1e200 0 0\n"), "beyond 1e150"));
@@ -164,7 +258,7 @@ TEST(Obj, a_wrong_line_is_told_with_its_place)
     EXPECT_TRUE(contains(refused(kTriangle + "l 1 4\n"),
                          "x.obj:4: line index: is out of range (got 4, need at most 3)"));
     EXPECT_TRUE(contains(refused(kTriangle + "l 1 -4\n"), "x.obj:4: line index"));
-    EXPECT_TRUE(contains(refused(kTriangle + "l 1 2/1\n"), "x.obj:4: line index"));
+    EXPECT_TRUE(contains(refused(kTriangle + "l 1 2//1\n"), "x.obj:4: line index"));
     EXPECT_TRUE(contains(refused(kTriangle + "l 1 2//1\n"), "need v or v/vt"));
     EXPECT_TRUE(contains(refused(kTriangle + "l 1 b\n"), "line index: is no index"));
 }
@@ -246,7 +340,7 @@ TEST(Obj, parts_of_a_file_give_what_the_whole_gives)
         const Geometry out = support::scanned_in_parts(ObjScanner("x.obj"), text, size);
         ASSERT_EQ(out.samples, whole.samples) << size;
         ASSERT_EQ(out.corners, whole.corners) << size;
-        ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;
+        ASSERT_EQ(out.sample_places, whole.sample_places) << size;
         ASSERT_EQ(out.corner_direction_starts, whole.corner_direction_starts) << size;
     }
 }

@@ -107,6 +107,38 @@ TEST(Stl, counts_that_lie_are_refused)
                  "count (byte 80): got 715827883 facets, need at most 715827882"));
 }
 
+TEST(Stl, bytes_after_the_last_facet_pass_through)
+{
+    const std::string bytes = binary(2, 2) + "\n\n";
+    const GeometryFile file = scan_geometry("x.stl", bytes);
+    EXPECT_EQ(file.geometry.num_faces(), 2u);
+    ASSERT_EQ(file.geometry.warnings.size(), 1u);
+    EXPECT_TRUE(contains(file.geometry.warnings[0], "2 bytes after the last facet"));
+    EXPECT_EQ(patched(file, {file.geometry.samples, {}}), bytes);
+    // A whole facet more is none that is counted.
+    EXPECT_TRUE(
+        contains(refused(binary(2, 3)), "got 2 facets, need 3 for the file's size"));
+    for (const std::size_t size : {1, 3, 60, 300})
+        EXPECT_EQ(
+            support::scanned_in_parts(StlScanner("x.stl", bytes.size()), bytes, size, 84)
+                .warnings.size(),
+            1u);
+}
+
+TEST(Stl, ascii_may_have_colours_comments_and_two_words_for_an_end)
+{
+    const std::string text =
+        "solid a ; b\n; c\ncolor 1 0 0\nfacet normal -1.#IND 0 0 ; c\n// c\n outer loop\n"
+        "  vertex 0 0 0\n# c\n  vertex 1 0 0 ; c\n  vertex 0 1 0\n end loop\n"
+        "color 0 1 0\nend facet ; c\nend solid a\n; end\n";
+    const GeometryFile file = scan_geometry("x.stl", text);
+    EXPECT_EQ(file.geometry.num_faces(), 1u);
+    EXPECT_EQ(file.geometry.num_bad_normals, 1u);
+    EXPECT_EQ(patched(file, {file.geometry.samples, {}}), text);
+    EXPECT_TRUE(
+        contains(refused("solid\nend\n"), "got 'end', need facet normal|endsolid"));
+}
+
 TEST(Stl, binary_facets_must_be_there_and_finite)
 {
     std::string bytes = binary(2, 2), nan;
@@ -122,10 +154,11 @@ TEST(Stl, binary_facets_must_be_there_and_finite)
         "x.stl: facet 1: the file ends here"));
     // Or one that grows.
     EXPECT_TRUE(contains(error_of(Fault::Malformed,
-                                  [&] {
-                                      support::scanned_in_parts(StlScanner("x.stl", 184),
-                                                                binary(2, 2) + "more",
-                                                                500, 84);
+                                  [&]
+                                  {
+                                      support::scanned_in_parts(
+                                          StlScanner("x.stl", 184),
+                                          binary(2, 2) + std::string(50, 'x'), 500, 84);
                                   }),
                          "count (byte 80): more data than its 2 facets"));
 }
@@ -170,7 +203,7 @@ TEST(Stl, parts_of_a_file_give_what_the_whole_gives)
             const Geometry out = support::scanned_in_parts(
                 StlScanner("x.stl", bytes.size()), bytes, size, 84);
             ASSERT_EQ(out.samples, whole.samples) << size;
-            ASSERT_EQ(out.direction_places.starts, whole.direction_places.starts) << size;
+            ASSERT_EQ(out.direction_places, whole.direction_places) << size;
         }
     }
 }

@@ -318,8 +318,30 @@ std::vector<Sample> samples()
     return {
         {"a.xyz", "# points\r\n1 2 3 0.5\r\n\r\n0.25 1e-3 -7 1\n  4 5 6 2\r1 1 1 1\n"
                   "-0.5 0.25 1 0"},
-        {"n.xyz", "0 0 0 0 0 1\n1 2 3 0 0.6 0.8\n1 0 0 0 0 0\n1 1 1 nan 0 0\n"},
+        {"n.xyz", "0 0 0 0 0 1.0\n1 2 3 0 0.6 0.8\n1 0 0 nan nan nan\n1 1 1 1.0 0 0\n"},
+        {"c.xyz", "0 0 0 0 0 1\n1 2 3 0 0.6 0.8\n1 1 1 1.0 0 0\n"},
+        {"n.txt", "//X Y Z Nx Ny Nz\n3\n0 0 0 0 0 1\n1 2 3 0 0 0\n1 1 1 nan 0 0\n"},
         {"a.pts", "3\n1 2 3 9 10 20 30\n4 5 6 9 1 2 3\n7 8 9 9 1 2 3\n"},
+        {"b.pts", "1\n1 2 3 9 10 20 30\n2\n4 5 6 9 1 2 3\n7 8 9 9 1 2 3\n"},
+        {"q.csv", "\"x\",\"y\",\"z\"\n\"1\",\"2\",\"0.5\"\n \"3\" ,\"1\",\" 2 \"\n"},
+        {"m.off", "NCSTOFF\n3\n3\n0\n0 0 0 1 1 1 9 0 0 1 .5 .5\n1 0 0 1 1 1 0 0 1 .5 .5\n"
+                  "1 2 0 1 1 1 -1.#IND 0 1 .5 .5# c\n0\n2 0 1\n3 0 1 2"},
+        {"e.off", std::string("OFF\n1 0 0\n1 2 3\n") + '\0'},
+        {"n.ply", "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\n"
+                  "property float y\nproperty float z\nend_header\n1 2 3\nnan nan nan\n"
+                  "2 1 0\nNaN nan nan\n\x1a"},
+        {"f.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
+                  "property float y\nproperty float z\nelement face 3\n"
+                  "property list uchar int vertex_indices\nend_header\n1 2 3\n4 5 6\n"
+                  "2 1 0\n2 0 1\n3 0 1 2\n0\n"},
+        {"e.stl",
+         "solid\ncolor 1 0 0\nfacet normal 0 0 1 ; c\nouter loop\nvertex 0 0 0\n"
+         "vertex 1 0 0\n; c\nvertex 0 1 0\nend loop\nend facet\nend solid\n\x1a"},
+        {"t.stl", binary_stl() + "\n\n"},
+        {"z.obj", std::string("# D:\\\nv 0 0 0\nv 1 2 0\nv 0 1 3\nvn 0 0 1\nvn nan 0 0\n"
+                              "mtllib C:\\\nf 1//1 2//1 3//1\nf 1//2 2//7 3/9/\nf 1\n"
+                              "f 1//1 2//1\nf 3//-5 2//1 1//2\n") +
+                      '\0'},
         {"a.csv", "time,x,y,z,\"a,b\"\n1,0.1,0.2,0.3,q\n2, 1.5 ,2,3,\"r,s\"\n3,1,2,3,t"},
         {"a.off", "# first\nCOFF\n4 1 0 # counts\n0 0 0 255 0 0 1\n1 0 0 1 2 3 4\n\n"
                   "1 1 0\n0 1 0.5 1 1 1 1\n4 0 1 2 3 7 7 7\n"},
