@@ -1168,7 +1168,7 @@ move head rotate 0 0 1 8 about 0 1.5 0
 frame 2
 move hand rotate 0 0 1 85 about 0.2 1.3 0
 move head rotate 0 0 1 -6 about 0 1.5 0
-""", ',\n  "cells": {"flat": true}')
+""")
 
 
 def scan(folder):
@@ -1708,7 +1708,7 @@ frame 1
 move crown rotate 0 0 1 -50 about 0 0.9 0
 frame 2
 move crown rotate 0 0 1 30 about 0 0.9 0
-""", ',\n  "cells": {"flat": true}')
+""")
 
 
 def tower(folder, around=48, rows=60):

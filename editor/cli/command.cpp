@@ -149,9 +149,13 @@ counterclockwise, seen with the axis pointing at you.
         "closed parts of a mesh that touch or overlap at rest are one material (default: "
         "each is its own)");
     app.add_flag_function(
-        "--flat", [this](std::int64_t) { settings.cells.flat = true; },
-        "all samples lie in a plane and all moves keep it: cells have three unknowns, "
-        "and nothing leaves the plane");
+           "--flat", [this](std::int64_t) { settings.cells.flat = true; },
+           "all samples lie in a plane and all moves keep it: cells have three unknowns, "
+           "and nothing leaves the plane (default: where the samples lie in a plane that "
+           "the first frame that moves something keeps; not with --energy botsch07)")
+        ->excludes(app.add_flag_function(
+            "--no-flat", [this](std::int64_t) { settings.cells.flat = false; },
+            "a flat model bends in space, like a sheet of paper"));
     app.add_flag_function(
         "--contact", [this](std::int64_t) { settings.cells.contact = true; },
         "parts that come to touch do not pass through each other: the cells of one stay "

@@ -417,7 +417,7 @@ Outcome run_session(const DeformFlags& flags, const CommonFlags& common,
     }
     outcome.deformed = session.shared_deformed();
     const CellSystem* const system = session.system();
-    outcome.is_shell = system && system->rest().flat_axis < 0 &&
+    outcome.is_shell = system && !system->rest().is_flat() &&
                        system->rest().material.method == InsideMethod::None;
     return outcome;
 }

@@ -155,35 +155,6 @@ int automatic_across(const Material& probe, const BoundingSurface& surface,
     return last;
 }
 
-/// The axes and the box of the octree: along the plane of what is to be flat.
-WorkFrame frame_of(const std::vector<Eigen::Vector3d>& samples,
-                   const std::optional<Eigen::Vector3d>& normal,
-                   const CellSettings& settings)
-{
-    if (settings.is_flat && !normal)
-        throw malformed({settings.frame_file, 0, "cells.flat"},
-                        "the samples lie in no plane (to 1e-9 of the diagonal, or what "
-                        "floats can tell)");
-    if (settings.frame)
-        return given_frame(*settings.frame, settings.frame_file);
-    if (settings.is_flat && (normal->array() == 0.0).count() < 2)
-        return frame_along_plane(samples, *normal);
-    return automatic_frame(bounding_box(samples));
-}
-
-/// The axis of the frame that is across the plane of a flat shape.
-int axis_across(const WorkFrame& frame, const Eigen::Vector3d& normal,
-                const CellSettings& settings)
-{
-    int axis = 0;
-    const Eigen::Vector3d in_frame = frame.axes * normal;
-    in_frame.cwiseAbs().maxCoeff(&axis);
-    if (!((in_frame - in_frame[axis] * Eigen::Vector3d::Unit(axis)).norm() <= kInPlane))
-        throw malformed({settings.frame_file, 0, "cells.frame.axes"},
-                        "none of them is across the plane of the samples (cells.flat)");
-    return axis;
-}
-
 /// What a body with lids encloses is more than this [diagonal^3]: else it is a sheet.
 constexpr double kLeastEnclosed = 1e-6;
 
@@ -211,13 +182,48 @@ bool put_lids_on(Shape& shape, double whole)
 
 } // namespace
 
+WorkFrame frame_of(const std::vector<Eigen::Vector3d>& samples,
+                   const std::optional<Eigen::Vector3d>& normal,
+                   const CellSettings& settings)
+{
+    if (settings.frame)
+        return given_frame(*settings.frame, settings.frame_file);
+    if (normal && (normal->array() == 0.0).count() < 2)
+        return frame_along_plane(samples, *normal);
+    return automatic_frame(bounding_box(samples));
+}
+
+std::optional<int> axis_across(const WorkFrame& frame, const Eigen::Vector3d& normal)
+{
+    int axis = 0;
+    const Eigen::Vector3d in_frame = frame.axes * normal;
+    in_frame.cwiseAbs().maxCoeff(&axis);
+    if (!((in_frame - in_frame[axis] * Eigen::Vector3d::Unit(axis)).norm() <= kInPlane))
+        return std::nullopt;
+    return axis;
+}
+
 std::shared_ptr<const RestShape>
 build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
                  const CellSettings& settings)
 {
     const std::optional<Eigen::Vector3d> normal = plane_normal(samples);
-    WorkFrame frame = frame_of(samples, normal, settings);
-    const int flat_axis = settings.is_flat ? axis_across(frame, *normal, settings) : -1;
+    const bool is_flat = settings.is_flat.value_or(false);
+    if (is_flat && !normal)
+        throw malformed({settings.frame_file, 0, "cells.flat"},
+                        "the samples lie in no plane (to 1e-9 of the diagonal, or what "
+                        "floats can tell)");
+    WorkFrame frame = frame_of(samples, is_flat ? normal : std::nullopt, settings);
+    int flat_axis = -1;
+    if (is_flat)
+    {
+        const std::optional<int> across_it = axis_across(frame, *normal);
+        if (!across_it)
+            throw malformed(
+                {settings.frame_file, 0, "cells.frame.axes"},
+                "none of them is across the plane of the samples (cells.flat)");
+        flat_axis = *across_it;
+    }
     if (flat_axis >= 0)
     {
         // The plane is where that axis begins.

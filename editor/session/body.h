@@ -50,7 +50,9 @@ struct CellSettings
     std::function<std::vector<double>(const CellSystem&)> errors = {};
     double gap = 0.008;      ///< [diagonal] parts farther apart are never glued
     double thickness = 0.01; ///< [diagonal] of sheets: of what bounds no inside
-    bool is_flat = false;    ///< all stays in the plane that the samples lie in
+    /// All stays in the plane that the samples lie in. Nothing: default_plane.h decides
+    /// by the moves; a shape without moves is not flat.
+    std::optional<bool> is_flat;
     /// Components that no region holds go with the one nearest to them; else they stay.
     bool loose_follow = true;
     bool joins_parts = false; ///< closed parts that touch or overlap are one material
@@ -73,6 +75,7 @@ struct RestShape
     /// Across the plane that the samples lie in [work]; nothing: they lie in none.
     std::optional<Eigen::Vector3d> normal;
     int flat_axis = -1; ///< that is kept across the plane; -1: none is
+    bool is_flat() const { return flat_axis >= 0; }
     std::vector<std::string> warnings;
     /// Of the material, where its parts do not pass through each other; null: they may.
     std::shared_ptr<const BoundaryPoints> boundary;
@@ -97,6 +100,15 @@ struct Body
     std::vector<int> cell_of_sample;
     std::vector<std::string> warnings;
 };
+
+/// The axes and the box of the octree of samples [model unit]; \p normal: of the plane
+/// that they are kept in, or nothing. Throws what given_frame() throws.
+WorkFrame frame_of(const std::vector<Eigen::Vector3d>& samples,
+                   const std::optional<Eigen::Vector3d>& normal,
+                   const CellSettings& settings);
+
+/// The axis of a frame that is across a plane; nothing: none is.
+std::optional<int> axis_across(const WorkFrame& frame, const Eigen::Vector3d& normal);
 
 /// The material of \p samples (rest places [model unit], in the order of \p geometry,
 /// which gives the faces). Throws Fault::Budget when the process would be over

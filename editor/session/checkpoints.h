@@ -12,6 +12,7 @@
 #include "editor/session/bone_regions.h"
 #include "editor/session/cell_refiner.h"
 #include "editor/session/cell_system.h"
+#include "editor/session/default_plane.h"
 #include "editor/session/frame_plan.h"
 #include "editor/session/frame_report.h"
 #include "editor/session/script_fingerprint.h"
@@ -27,6 +28,7 @@ struct StageRest
     std::uint64_t fingerprint = 0; ///< of all statements before the stage
     DeformedSamples samples;       ///< at rest [model unit]
     std::shared_ptr<const RestShape> shape;
+    std::optional<DefaultPlane> plane = {}; ///< that it may be kept in without being told
 };
 
 /// A stage before its first frame.

@@ -87,13 +87,19 @@ bool are_surely_solid(const std::vector<Eigen::Vector3d>& samples, double diagon
     return false;
 }
 
-} // namespace
+/// A plane that holds samples, and how far across their longest line they reach in it
+/// [diagonal].
+struct FoundPlane
+{
+    Eigen::Vector3d normal;
+    double width;
+};
 
-std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& samples)
+std::optional<FoundPlane> plane_of(const std::vector<Eigen::Vector3d>& samples)
 {
     const double diagonal = bounding_box(samples).size().stableNorm();
     if (!(diagonal > 0.0))
-        return Eigen::Vector3d::UnitZ();
+        return FoundPlane{Eigen::Vector3d::UnitZ(), 0.0};
     if (are_surely_solid(samples, diagonal))
         return std::nullopt;
     const auto off = [&](std::size_t i) -> Eigen::Vector3d
@@ -124,8 +130,25 @@ std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& 
     int axis = 0;
     normal.cwiseAbs().maxCoeff(&axis);
     if (const Eigen::Vector3d unit = Eigen::Vector3d::Unit(axis); has_all(unit))
-        return unit;
-    return has_all(normal) ? std::optional(normal) : std::nullopt;
+        return FoundPlane{unit, side.norm()};
+    return has_all(normal) ? std::optional(FoundPlane{normal, side.norm()})
+                           : std::nullopt;
+}
+
+} // namespace
+
+std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& samples)
+{
+    const std::optional<FoundPlane> plane = plane_of(samples);
+    return plane ? std::optional(plane->normal) : std::nullopt;
+}
+
+std::optional<Eigen::Vector3d> spanned_plane(const std::vector<Eigen::Vector3d>& samples)
+{
+    // What is narrower is a line: its roundings do not tell a plane from another one.
+    constexpr double kLine = 1e-6; // [diagonal]
+    const std::optional<FoundPlane> plane = plane_of(samples);
+    return plane && plane->width > kLine ? std::optional(plane->normal) : std::nullopt;
 }
 
 WorkFrame frame_along_plane(const std::vector<Eigen::Vector3d>& samples,
@@ -145,12 +168,10 @@ WorkFrame frame_along_plane(const std::vector<Eigen::Vector3d>& samples,
 }
 
 bool keeps_plane(const Motion& motion, const Eigen::Vector3d& normal,
-                 const Eigen::Vector3d& place, double diagonal)
+                 const Eigen::Vector3d& place, double diagonal, double kept)
 {
-    // The plane of samples that a file keeps as floats is known no better.
-    constexpr double kKept = 1e-6;
-    return (motion.R * normal - normal).norm() <= kKept &&
-           std::abs(normal.dot(motion(place) - place)) <= kKept * diagonal;
+    return (motion.R * normal - normal).norm() <= kept &&
+           std::abs(normal.dot(motion(place) - place)) <= kept * diagonal;
 }
 
 void keep_in_plane(const Eigen::Vector3d& normal,

@@ -21,14 +21,22 @@ inline constexpr double kInPlane = 1e-9;
 /// planes. Nothing where they lie in none. \pre not empty
 std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& samples);
 
+/// The same, but nothing also where they lie on a line or at one place: then other planes
+/// hold them as well.
+std::optional<Eigen::Vector3d> spanned_plane(const std::vector<Eigen::Vector3d>& samples);
+
 /// The samples' box in axes of which the last is \p normal.
 WorkFrame frame_along_plane(const std::vector<Eigen::Vector3d>& samples,
                             const Eigen::Vector3d& normal);
 
+/// What a motion may turn a plane by [rad], and shift it by [diagonal], and still keep
+/// it: the plane of samples that a file has as floats is known no better.
+inline constexpr double kKept = 1e-6;
+
 /// Whether a motion takes a plane through \p place, and what lies in it up to
 /// \p diagonal, to itself.
 bool keeps_plane(const Motion& motion, const Eigen::Vector3d& normal,
-                 const Eigen::Vector3d& place, double diagonal);
+                 const Eigen::Vector3d& place, double diagonal, double kept = kKept);
 
 /// Takes away by what rounding has moved samples along the normal.
 void keep_in_plane(const Eigen::Vector3d& normal,

@@ -419,8 +419,9 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                     throw malformed(
                         {file, line_of(frame, regions[r].name), regions[r].name},
                         fmt::format(
-                            "frame {}: leaves the plane of the model, which cells.flat "
-                            "keeps (across {:.4g} {:.4g} {:.4g})",
+                            "frame {}: leaves the plane of the model, which is flat and "
+                            "is kept in it (across {:.4g} {:.4g} {:.4g}); --no-flat, or "
+                            "cells.flat false, lets it bend in space",
                             frame.number, across.x(), across.y(), across.z()));
         plan.joint_of_region.push_back(
             regions[r].bone ? static_cast<int>(regions[r].bone->joint) : -1);

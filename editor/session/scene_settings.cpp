@@ -32,7 +32,9 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
         cells.min_depth = cells.max_depth;
     cells.gap = scene.settings.cells.gap.value_or(cells.gap);
     cells.thickness = scene.settings.cells.thickness.value_or(cells.thickness);
-    cells.is_flat = scene.settings.cells.flat.value_or(cells.is_flat);
+    cells.is_flat = scene.settings.cells.flat;
+    if (is_paper && !cells.is_flat)
+        cells.is_flat = false; // a plane that is kept is none of its method
     cells.loose_follow =
         scene.settings.cells.loose.value_or(is_paper ? "stay" : "follow") == "follow";
     cells.joins_parts = scene.settings.cells.join.value_or(cells.joins_parts);

@@ -201,11 +201,28 @@ std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,
     rest->stage = stage;
     rest->fingerprint = script_.before(stage);
     rest->samples = std::move(samples);
-    rest->shape = first_shape_ ? std::exchange(first_shape_, nullptr)
-                               : build_rest_shape(*geometry_, rest->samples.samples,
-                                                  settings_.cells);
+    CellSettings cells = settings_.cells;
+    if (!cells.is_flat && settings_.led_rods.empty())
+        rest->plane = DefaultPlane::of(rest->samples.samples, cells);
+    cells.is_flat = is_to_be_flat(*rest);
+    rest->shape = std::exchange(first_shape_, nullptr);
+    if (!rest->shape || rest->shape->is_flat() != *cells.is_flat)
+        rest->shape = build_rest_shape(*geometry_, rest->samples.samples, cells);
     parts_.interior += rest->shape->material.method != InsideMethod::None;
     return rest;
+}
+
+/// As the statements are now.
+bool Session::is_to_be_flat(const StageRest& rest) const
+{
+    return settings_.cells.is_flat.value_or(
+        rest.plane &&
+        rest.plane->keeps(handles_.stages[rest.stage], handles_.is_relative));
+}
+
+bool Session::fits(const StageRest& rest) const
+{
+    return rest.shape->is_flat() == is_to_be_flat(rest);
 }
 
 std::shared_ptr<const DeformedSamples> Session::samples_at_rest() const
@@ -229,7 +246,7 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     const Stage& stage = handles_.stages[stage_];
     std::vector<Region> resolved = resolve_regions(
         stage.regions, *geometry_, samples, units, handles_, nullptr, settings_.led_rods);
-    if (shape.flat_axis >= 0)
+    if (shape.is_flat())
         for (const Region& region : resolved)
             if (region.spline)
                 throw malformed(
@@ -257,7 +274,7 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
                   });
     for (std::string& warning : binding_warnings(binding, handles_.path))
         warnings_.push_back(std::move(warning));
-    if (shape.flat_axis >= 0 && regions->skeleton())
+    if (shape.is_flat() && regions->skeleton())
         throw malformed({handles_.path, 0, "skeleton"},
                         "a flat model (cells.flat) has regions alone, no skeleton");
     const auto start = std::make_shared<StageStart>(
@@ -297,7 +314,7 @@ void Session::set_script(HandleFile handles)
     script_ = std::move(script);
     try
     {
-        if (goes_on)
+        if (goes_on && fits(*rest_))
             check_frames();
         else
             go_back();
@@ -316,19 +333,29 @@ void Session::set_script(HandleFile handles)
 }
 
 /// To the last state that the statements pass through: the end of a frame, or the start
-/// of a stage whose rest shape is there.
+/// of a stage whose rest shape is there, or is there but for what it is made of: moves
+/// tell whether it is flat.
 void Session::go_back()
 {
     if (!first_rest_)
         first_rest_ = make_rest(0, *deformed_);
     const bool has_last = last_rest_ && last_rest_->stage < script_.num_stages() &&
                           script_.before(last_rest_->stage) == last_rest_->fingerprint;
-    const std::shared_ptr<const StageRest>& rest = has_last ? last_rest_ : first_rest_;
+    std::shared_ptr<const StageRest> rest = has_last ? last_rest_ : first_rest_;
     const Checkpoint* const kept = checkpoints_.latest_on(script_);
     if (kept && kept->place.stage >= rest->stage)
     {
-        go_to(*kept);
-        return;
+        if (fits(*kept->start->rest))
+        {
+            go_to(*kept);
+            return;
+        }
+        rest = kept->start->rest;
+    }
+    if (!fits(*rest))
+    {
+        rest = make_rest(rest->stage, rest->samples);
+        (rest->stage == 0 ? first_rest_ : last_rest_) = rest;
     }
     warnings_ = geometry_->warnings;
     reports_.clear();
@@ -418,18 +445,8 @@ void Session::check_frames()
     std::vector<std::string> of_frames;
     StageAims aims = state_->aims;
     const std::vector<FrameStatement>& frames = handles_.stages[stage_].frames;
-    const RestShape& rest = *rest_->shape;
-    bool is_flat = rest.normal && rest.flat_axis < 0 && frame_ < frames.size();
     for (std::size_t f = frame_; f < frames.size(); ++f)
-    {
-        const FramePlan planned = plan(frames[f], {}, aims, of_frames);
-        for (const Motion& motion : planned.motions(1.0))
-            is_flat = is_flat && keeps_plane(motion, *rest.normal, rest.samples.front(),
-                                             rest.frame.diagonal());
-    }
-    if (is_flat && rest.frame.diagonal() > 0.0)
-        of_frames.push_back("the model is flat, and so are its moves, but nothing keeps "
-                            "it in its plane (--flat does)");
+        plan(frames[f], {}, aims, of_frames);
     if (!settings_.keeps_checkpoints)
         warnings_.insert(warnings_.end(), of_frames.begin(), of_frames.end());
 }
@@ -737,7 +754,7 @@ void Session::move_samples(FrameReport& report)
         }
     }
     moved->samples = moved_places(frame, rest.samples, std::move(displacements));
-    if (s.system.rest().flat_axis >= 0)
+    if (s.system.rest().is_flat())
         keep_in_plane(frame.axes.row(s.system.rest().flat_axis), rest.samples,
                       moved->samples);
     deformed_ = std::move(moved);

@@ -46,7 +46,7 @@ public:
     /// all that takes long: where a StopScope (octree/base/stop_scope.h) asks for it.
     Session(Geometry geometry, HandleFile handles, SessionSettings settings);
     /// \p shape: what build_rest_shape() makes of the geometry with these settings, if it
-    /// is there already.
+    /// is there already; flat or not, another one is made where the other one is wanted.
     Session(std::shared_ptr<const Geometry> geometry, HandleFile handles,
             SessionSettings settings, std::shared_ptr<const RestShape> shape = nullptr);
     ~Session();
@@ -122,6 +122,9 @@ private:
     CellSystemSettings system_settings() const;
     std::shared_ptr<const StageRest> make_rest(std::size_t stage,
                                                DeformedSamples samples);
+    bool is_to_be_flat(const StageRest& rest) const;
+    /// Whether it is flat as it is to be.
+    bool fits(const StageRest& rest) const;
     /// Of this stage; they keep its rest.
     std::shared_ptr<const DeformedSamples> samples_at_rest() const;
     void start_stage(std::shared_ptr<const StageRest> rest);

@@ -177,20 +177,46 @@ TEST(Cli, flat_models_stay_in_their_plane)
     const Files files;
     const std::string model =
         files.folder.write("flat.obj", support::obj_text(support::sheet_shape(3, 1, 6)));
-    const auto ended = [&](const std::string& move, const std::string& of)
+    const auto ended = [&](const std::string& move, const std::string& of,
+                           std::vector<std::string> flags)
     {
         const std::string handles = files.folder.write(
             "flat.handles", "cellwarp-handles 1\nfixed foot box -1 -1 -1 0.3 2 1\nhandle "
                             "hand box 2.7 -1 -1 4 2 1\nframe 1\nmove hand " +
                                 move + "\n");
-        return run({"deform", of, "--handles", handles, "--across", "12", "--flat", "-o",
-                    files.out, "--overwrite"});
+        std::vector<std::string> all = {"deform", of,        "--handles",  handles,
+                                        "-o",     files.out, "--overwrite"};
+        flags.insert(flags.end(), {"--across", "12"});
+        all.insert(all.end(), flags.begin(), flags.end());
+        return run(all);
     };
-    EXPECT_EQ(ended("rotate 0 0 1 60", model).code, 0);
+    EXPECT_EQ(ended("rotate 0 0 1 60", model, {"--flat"}).code, 0);
+    const std::string flat = bytes_of(files.out);
     for (const Eigen::Vector3d& x : read_geometry(files.out).geometry.samples)
         EXPECT_EQ(x.z(), 0.0);
-    EXPECT_EQ(ended("rotate 0 1 0 60", model).code, 3);
-    EXPECT_EQ(ended("rotate 0 0 1 60", files.model).code, 3);
+    EXPECT_EQ(ended("rotate 0 1 0 60", model, {"--flat"}).code, 3);
+    EXPECT_EQ(ended("rotate 0 0 1 60", files.model, {"--flat"}).code, 3);
+    // By default where the first frame keeps the plane.
+    EXPECT_EQ(ended("rotate 0 0 1 60", model, {}).code, 0);
+    EXPECT_EQ(bytes_of(files.out), flat);
+    EXPECT_EQ(ended("rotate 0 1 0 60", model, {}).code, 0);
+    const std::string turned = bytes_of(files.out);
+    EXPECT_EQ(ended("rotate 0 1 0 60", model, {"--no-flat"}).code, 0);
+    EXPECT_EQ(bytes_of(files.out), turned);
+    EXPECT_EQ(ended("rotate 0 0 1 60", model, {"--no-flat", "--flat"}).code, 2);
+    const std::string later = "rotate 0 0 1 60\nframe 2\nmove hand translate 0 0 1";
+    const Result left = ended(later, model, {});
+    EXPECT_EQ(left.code, 3);
+    EXPECT_TRUE(contains(left.err, "flat.handles:7: hand: frame 2: leaves the plane"));
+    EXPECT_TRUE(contains(left.err, "--no-flat"));
+    EXPECT_EQ(ended(later, model, {"--no-flat"}).code, 0);
+    const std::string scene = files.folder.write(
+        "flat.json",
+        R"({"cellwarp": 1, "model": "flat.obj", "handles": "flat.handles"})");
+    const Result checked = run({"check", scene});
+    EXPECT_EQ(checked.code, 3);
+    EXPECT_TRUE(contains(checked.err, "flat.handles:7: hand: frame 2: leaves the plane"));
+    EXPECT_EQ(run({"check", scene, "--no-flat"}).code, 0);
 }
 
 TEST(Cli, deform_writes_the_last_frame_or_one_a_frame)

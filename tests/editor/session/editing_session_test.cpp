@@ -373,6 +373,51 @@ TEST(EditingSession, a_commit_whose_field_was_stopped_commits_nothing)
     expect_same(session, text);
 }
 
+TEST(EditingSession, a_flat_model_is_kept_in_its_plane_as_the_statements_are_now)
+{
+    const Geometry sheet =
+        scan_geometry("model.obj", support::obj_text(support::sheet_shape(3, 1, 6)))
+            .geometry;
+    const std::string regions = "fixed foot box -1 -1 -1 0.3 2 1\n"
+                                "handle hand box 2.7 -1 -1 4 2 1\n",
+                      within = "move hand rotate 0 0 1 40\n",
+                      lifted = "move hand translate 0 0 0.4\n";
+    Session session(sheet, handles(regions), settings(true));
+    for (const auto& [text, is_flat] : std::vector<std::pair<std::string, bool>>{
+             {"frame 1\n" + within, true},
+             {"frame 1\n" + within + "frame 2\nmove hand translate 0 0.2 0\n", true},
+             {"frame 1\n", false},
+             {"frame 1\nframe 2\n" + within, true},
+             {"frame 1\nframe 2\n" + lifted, false},
+             {"frame 1\n" + lifted + "frame 2\n" + within, false},
+             {"frame 1\n" + within + "commit\n" + regions + "frame 2\n" + within, true},
+             {"frame 1\n" + within + "commit\n" + regions + "frame 2\n" + lifted, false},
+             {"frame 1\n" + within + "commit\n" + regions + "frame 2\n" + within, true},
+             {"frame 1\n" + within, true}})
+    {
+        SCOPED_TRACE(text);
+        session.set_script(handles(regions + text));
+        play(session);
+        Session fresh(sheet, handles(regions + text), settings(false));
+        play(fresh);
+        EXPECT_EQ(fresh.system()->rest().is_flat(), is_flat);
+        EXPECT_EQ(session.system()->rest().is_flat(), is_flat);
+        EXPECT_TRUE(session.deformed().samples == fresh.deformed().samples);
+        EXPECT_EQ(session.frames().back().cells, fresh.frames().back().cells);
+        EXPECT_EQ(session.frames().back().solve.energy_after,
+                  fresh.frames().back().solve.energy_after);
+        EXPECT_EQ(session.warnings(), fresh.warnings());
+    }
+    const auto leave = [&] {
+        session.set_script(
+            handles(regions + "frame 1\n" + within + "frame 2\n" + lifted));
+    };
+    EXPECT_TRUE(support::contains(support::error_of(Fault::Malformed, leave),
+                                  "frame 2: leaves the plane"));
+    session.set_script(handles(regions + "frame 1\n" + within));
+    EXPECT_TRUE(session.system()->rest().is_flat());
+}
+
 TEST(ScriptFingerprint, tells_where_two_files_part)
 {
     const ScriptFingerprint a(handles(kRegions + frames(1, 3)));

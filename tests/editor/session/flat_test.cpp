@@ -34,10 +34,10 @@ Shape flat_l()
     return shape;
 }
 
-Session played(const Shape& shape, const std::string& statements, bool is_flat,
-               double tolerance = 1e-8)
+Session played(const Shape& shape, const std::string& statements,
+               std::optional<bool> is_flat, double tolerance = 1e-8,
+               SessionSettings settings = {})
 {
-    SessionSettings settings;
     settings.cells.across = 12;
     settings.cells.is_flat = is_flat;
     settings.gradient_tolerance = tolerance;
@@ -49,6 +49,8 @@ Session played(const Shape& shape, const std::string& statements, bool is_flat,
     return session;
 }
 
+const std::string kEnds = "fixed foot box -1 -1 -1 0.3 4 1\n"
+                          "handle hand box 2.7 -1 -1 4 4 1\n";
 const std::string kBend = "fixed foot box -1 -1 -1 0.3 4 1\n"
                           "handle hand box 2.7 -1 -1 4 4 1\n"
                           "frame 1\nmove hand rotate 0 0 1 50 about 1 1 0\n";
@@ -165,7 +167,6 @@ TEST(Flat, a_model_bends_in_its_plane_as_it_would_in_space)
             largest, (flat.deformed().samples[i] - space.deformed().samples[i]).norm());
     }
     EXPECT_LT(largest, 1e-4);
-    EXPECT_TRUE(contains(space.warnings().back(), "--flat"));
 }
 
 TEST(Flat, cells_are_one_layer_at_every_depth_and_have_three_unknowns)
@@ -318,6 +319,224 @@ TEST(Flat, a_figure_drawn_in_lines_bends_as_one_body)
         for (const Eigen::Vector3d& x : samples)
             EXPECT_NEAR(x.z(), 0.0, is_flat ? 1e-9 : 0.05);
     }
+}
+
+namespace
+{
+
+/// What a default has made of it, beside what it is told: 'flat', 'space' or 'neither'.
+std::string as_told(const Shape& shape, const std::string& statements,
+                    const SessionSettings& settings = {})
+{
+    const auto ended = [&](std::optional<bool> is_flat)
+    { return played(shape, statements, is_flat, 1e-6, settings); };
+    const Session by_default = ended(std::nullopt);
+    const auto is_as = [&](const Session& told)
+    {
+        return by_default.deformed().samples == told.deformed().samples &&
+               by_default.warnings() == told.warnings() &&
+               by_default.frames().back().cells == told.frames().back().cells &&
+               by_default.frames().back().solve.energy_after ==
+                   told.frames().back().solve.energy_after;
+    };
+    const bool is_flat = by_default.system()->rest().is_flat();
+    return is_as(ended(is_flat)) ? is_flat ? "flat" : "space" : "neither";
+}
+
+/// By the numbers of their samples: of a shape that is turned they are the same.
+std::string ends_of(const Shape& shape)
+{
+    std::string foot = "fixed foot indices", hand = "handle hand indices";
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+    {
+        if (shape.samples[i].x() <= 0.3)
+            foot += " " + std::to_string(i);
+        if (shape.samples[i].x() >= 2.7)
+            hand += " " + std::to_string(i);
+    }
+    return foot + "\n" + hand + "\n";
+}
+
+std::string numbers(const Eigen::Vector3d& x)
+{
+    return " " + shortest(x.x()) + " " + shortest(x.y()) + " " + shortest(x.z());
+}
+
+} // namespace
+
+TEST(Flat, what_moves_in_its_plane_is_kept_there_without_being_told)
+{
+    const Shape l = flat_l();
+    EXPECT_EQ(as_told(l, kBend), "flat");
+    EXPECT_EQ(as_told(l, kEnds + "frame 1\nmove hand translate -1 0.2 0\n"), "flat");
+    EXPECT_EQ(as_told(l, "fixed foot box -1 -1 -1 0.3 4 1\npin hand box 2.7 -1 -1 4 4 1\n"
+                         "frame 1\nmove hand translate -0.8 1 0\n"),
+              "flat");
+    // What turns about its middle or its border, by a whole turn, or back and forth.
+    for (const std::string& move :
+         {std::string("rotate 0 0 1 40"), std::string("rotate 0 0 -2 40 about border"),
+          std::string("rotate 0 0 1 360"), std::string("rotate 0 0 1 20 about 1 1 7"),
+          std::string("matrix -1 0 0 6  0 -1 0 1  0 0 1 0  0 0 0 1")})
+        EXPECT_EQ(as_told(l, kEnds + "frame 1\nmove hand " + move + "\n"), "flat")
+            << move;
+    // The first frame that moves something tells.
+    EXPECT_EQ(as_told(l, kEnds + "frame 1\nframe 2\nmove hand translate 0 0 0\nframe 3\n"
+                                 "move hand translate 0 0.5 0\n"),
+              "flat");
+    // Shares of a flat box: nothing moves along the axis across it.
+    EXPECT_EQ(as_told(l, "units relative\nfixed foot box 0 0 0 0.1 1 1\n"
+                         "handle hand box 0.9 0 0 1 1 1\nframe 1\n"
+                         "move hand translate 0 0.2 3\n"),
+              "flat");
+    // Clouds, soups and lines.
+    Shape cloud = l;
+    cloud.triangles.clear();
+    EXPECT_EQ(as_told(cloud, kBend), "flat");
+    Shape soup;
+    for (const Triangle& triangle : l.triangles)
+    {
+        const auto first = static_cast<std::uint32_t>(soup.samples.size());
+        for (const std::uint32_t i : triangle)
+            soup.samples.push_back(l.samples[i]);
+        soup.triangles.push_back({first, first + 1, first + 2});
+    }
+    EXPECT_EQ(as_told(soup, kBend), "flat");
+    Shape lines{l.samples, {}};
+    for (std::uint32_t i = 1; i < lines.samples.size(); ++i)
+        lines.lines.push_back({i - 1, i});
+    EXPECT_EQ(as_told(lines, kBend), "flat");
+}
+
+TEST(Flat, planes_that_lie_askew_are_kept_as_well)
+{
+    const Shape l = flat_l();
+    std::mt19937 rng(4);
+    for (const bool are_floats : {false, true})
+        for (int trial = 0; trial < 3; ++trial)
+        {
+            const Eigen::Matrix3d R = support::random_rotation(rng);
+            const Eigen::Vector3d t = support::random_vector(rng, 10.0);
+            Shape turned = l;
+            for (Eigen::Vector3d& x : turned.samples)
+            {
+                x = R * x + t;
+                if (are_floats)
+                    x = x.cast<float>().cast<double>();
+            }
+            const auto moved = [&](const std::string& move)
+            { return as_told(turned, ends_of(l) + "frame 1\nmove hand " + move + "\n"); };
+            EXPECT_EQ(moved("translate" + numbers(R * Eigen::Vector3d(-0.4, 0.7, 0))),
+                      "flat");
+            EXPECT_EQ(moved("rotate" + numbers(R.col(2)) + " 30"), "flat");
+            EXPECT_EQ(moved("rotate" + numbers(R.col(2)) + " 30 about border"), "flat");
+            EXPECT_EQ(moved("translate" + numbers(R * Eigen::Vector3d(-0.4, 0.7, 0.1))),
+                      "space");
+            EXPECT_EQ(moved("rotate" + numbers(R.col(0)) + " 30"), "space");
+        }
+}
+
+TEST(Flat, what_first_leaves_its_plane_bends_in_space)
+{
+    for (const std::string& move :
+         {std::string("translate 0 0 0.3"), std::string("rotate 0 1 0 20"),
+          std::string("rotate 1 0 0 180"), std::string("rotate 1 0 0 360"),
+          std::string("matrix 1 0 0 0  0 -1 0 1  0 0 -1 0  0 0 0 1"),
+          std::string("rotate 0 0 1 20 translate 0 0.1 1e-4")})
+        EXPECT_EQ(as_told(flat_l(), kEnds + "frame 1\nmove hand " + move + "\n"), "space")
+            << move;
+    EXPECT_EQ(as_told(flat_l(), kEnds + "frame 1\nframe 2\nmove hand translate 0 0 1\n"
+                                        "frame 3\nmove hand translate 0 1 0\n"),
+              "space");
+    // Nothing moves.
+    EXPECT_EQ(as_told(flat_l(), kEnds + "frame 1\n"), "space");
+}
+
+TEST(Flat, what_spans_no_plane_is_not_kept_in_one)
+{
+    const auto told = [](const Shape& shape)
+    {
+        return as_told(shape, "fixed foot indices 0\nhandle hand indices 1\nframe 1\n"
+                              "move hand translate 0.1 0 0\n");
+    };
+    EXPECT_EQ(told({{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}, {}}), "space");
+    EXPECT_EQ(told({{{0, 1, 2}, {1, 3, 5}, {2, 5, 8}, {3, 7, 11}}, {}}), "space");
+    // A thin box is not flat, and neither is a sheet with a dent.
+    EXPECT_EQ(as_told(support::box_shape({0, 0, 0}, {3, 1, 0.001}), kBend), "space");
+    Shape dented = flat_l();
+    dented.samples[40].z() += 1e-5;
+    EXPECT_EQ(as_told(dented, kBend), "space");
+    SessionSettings askew;
+    askew.cells.frame.emplace();
+    askew.cells.frame->origin = {-9, -9, -9};
+    askew.cells.frame->axes = {{{1, 0, 0}, {0, 0.8, 0.6}, {0, -0.6, 0.8}}};
+    askew.cells.frame->size = {20, 20, 20};
+    EXPECT_FALSE(
+        played(flat_l(), kBend, std::nullopt, 1e-6, askew).system()->rest().is_flat());
+    askew.cells.frame->axes = {{{0.6, 0.8, 0}, {-0.8, 0.6, 0}, {0, 0, 1}}};
+    EXPECT_EQ(as_told(flat_l(), kBend, askew), "flat");
+}
+
+TEST(Flat, rods_and_skeletons_bend_flat_models_in_space)
+{
+    EXPECT_FALSE(played(flat_l(),
+                        "fixed foot box -1 -1 -1 0.3 4 1\n"
+                        "curve way through 2 0 0  3 0 0\n" +
+                            std::string("handle hand box 2.7 -1 -1 4 4 1\nframe 1\n"
+                                        "move hand translate 0 0.1 0\n"),
+                        std::nullopt)
+                     .system()
+                     ->rest()
+                     .is_flat());
+    EXPECT_FALSE(played(flat_l(),
+                        "joint a at 0.2 0.2 0\njoint b at 2 0.2 0 parent a\nframe 1\n"
+                        "move b rotate 0 0 1 20\n",
+                        std::nullopt)
+                     .system()
+                     ->rest()
+                     .is_flat());
+}
+
+TEST(Flat, a_later_frame_that_leaves_the_plane_is_an_error_that_says_what_lets_it)
+{
+    const std::string later = kEnds + "frame 1\nmove hand translate 0 0.3 0\nframe 4\n"
+                                      "move hand translate 0 0.3 0.1\n";
+    const std::string error =
+        error_of(Fault::Malformed, [&] { played(flat_l(), later, std::nullopt); });
+    EXPECT_TRUE(contains(error, "h.handles:7: hand: frame 4: leaves the plane of the "
+                                "model"))
+        << error;
+    EXPECT_TRUE(contains(error, "--no-flat, or cells.flat false,")) << error;
+    const Session in_space = played(flat_l(), later, false);
+    EXPECT_GT(in_space.deformed().samples.back().z() +
+                  (in_space.deformed().samples[10] - flat_l().samples[10]).norm(),
+              0.0);
+}
+
+TEST(Flat, each_stage_is_kept_in_its_plane_by_its_own_first_move)
+{
+    const std::string first = kEnds + "frame 1\nmove hand translate 0 0.3 0\n",
+                      flat = "commit\n" + kEnds + "frame 2\nmove hand translate 0 -1 0\n",
+                      space = "commit\n" + kEnds + "frame 2\nmove hand translate 0 0 1\n";
+    EXPECT_EQ(as_told(flat_l(), first + flat), "flat");
+    EXPECT_FALSE(
+        played(flat_l(), first + space, std::nullopt).system()->rest().is_flat());
+    // What has left it is flat no longer.
+    EXPECT_EQ(as_told(flat_l(), kEnds + "frame 1\nmove hand translate 0 0 1\n" + flat),
+              "space");
+}
+
+TEST(Flat, what_is_told_to_bend_in_space_folds_where_it_is_pressed)
+{
+    // A sheet with a handle that a first frame lifts, and a later one presses: softer.
+    const Shape strip = support::sheet_shape(6.0, 1.0, 6);
+    const std::string press = "fixed foot box -1 -1 -1 0.5 4 1\n"
+                              "handle hand box 5.5 -1 -1 7 4 1\nframe 1\n"
+                              "move hand rotate 0 0 1 5 translate -2 0.05 0\n";
+    const Session flat = played(strip, press, std::nullopt),
+                  space = played(strip, press, false);
+    EXPECT_LE(space.frames()[0].solve.energy_after, flat.frames()[0].solve.energy_after);
+    for (const Eigen::Vector3d& x : flat.deformed().samples)
+        EXPECT_EQ(x.z(), 0.0);
 }
 
 } // namespace cellwarp
