@@ -109,7 +109,8 @@ public:
     void remove_region(const std::string& region);
     void rename_region(const std::string& region, const std::string& name);
     void set_role(const std::string& region, Role role, double factor = 1.0);
-    /// Adds a frame.
+    /// Adds a frame. One that takes a flat model out of the plane that it is kept in by
+    /// default lets it bend in space from the first frame on: cells.flat is false then.
     void move_region(const std::string& region, const Placement& placement);
     /// A joint that is held at its place is so no longer.
     void release_joint(const std::string& joint);

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "editor/document/document_state.h"
+#include "editor/session/scene_settings.h"
 #include "octree/base/index.h"
 
 namespace cellwarp
@@ -192,6 +193,27 @@ std::int64_t Document::State::next_number() const
     return number;
 }
 
+std::optional<DefaultPlane> Document::State::default_plane() const
+{
+    const CellSettings cells = settings_of(with_settings(scene, edited.settings)).cells;
+    return cells.is_flat ? std::nullopt : DefaultPlane::of(ground().rest, cells);
+}
+
+std::vector<Change> Document::State::with_frames(std::vector<FrameStatement> added) const
+{
+    std::vector<Change> changes;
+    const std::optional<DefaultPlane> plane = default_plane();
+    if (plane &&
+        plane->is_left(edited.handles.stages.back(), added, edited.handles.is_relative))
+    {
+        SceneSettings in_space = edited.settings;
+        in_space.cells.flat = false;
+        changes.push_back(SettingsChange{edited.settings, in_space});
+    }
+    changes.push_back(FramesAdded{std::move(added)});
+    return changes;
+}
+
 const EditedRegion& Document::State::line_to_change(const std::string& region) const
 {
     const EditedRegion& found = find(region);
@@ -334,11 +356,15 @@ void Document::move_region(const std::string& region, const Placement& placement
         moved.placement = to;
         to = about(old.centre, moved);
     }
+    // The middle of a region's box depends on whether the model is kept in its plane.
+    if (const auto plane = s.default_plane();
+        plane && plane->is_askew() && to.degrees != 0.0 && !to.about)
+        to.about = old.centre;
     if (is_at(old, to))
         return;
     const bool turns = to.degrees != old.placement.degrees;
     s.push({(turns ? "Turn " : "Move ") + region,
-            {FramesAdded{frames_to(old, to, s.next_number(), s.ground())}}});
+            s.with_frames(frames_to(old, to, s.next_number(), s.ground()))});
 }
 
 void Document::release_joint(const std::string& joint)

@@ -13,6 +13,7 @@
 
 #include "editor/document/document.h"
 #include "editor/document/journal_header.h"
+#include "editor/session/default_plane.h"
 #include "editor/session/frame_plan.h"
 #include "editor/session/script_fingerprint.h"
 #include "editor/session/skeleton_handle.h"
@@ -338,6 +339,11 @@ struct Document::State
     std::string free_name(Role role) const;
     /// Of the next frame. Throws where there is none.
     std::int64_t next_number() const;
+    /// What the current stage may be kept in where its settings leave that open.
+    std::optional<DefaultPlane> default_plane() const;
+    /// More frames of the current stage. Where they are the first that take a flat model
+    /// out of its plane it is no longer kept in it, and a scene that is saved says so.
+    std::vector<Change> with_frames(std::vector<FrameStatement> added) const;
     /// A rod or curve, to change what it is written as: not after a frame.
     const EditedRegion& line_to_change(const std::string& region) const;
     void change_line(const EditedRegion& region, const SplineStatement& line);

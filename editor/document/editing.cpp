@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "editor/session/flat.h"
 #include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
@@ -46,7 +47,10 @@ struct ActiveDrag
     PointPlacement point_to = {};
     std::shared_ptr<const RegionSet> regions = {}; ///< of the live drag
     WorkFrame frame = {};                          ///< of the live drag
-    std::optional<LiveDrag> live = {};             ///< none while it waits for its cells
+    int flat_axis = -1; ///< across the plane that the live drag is kept in; -1: none
+    std::optional<LiveDrag> live = {}; ///< none while it waits for its cells
+    /// It has left the plane that a flat model is kept in by default.
+    bool is_in_space = false;
 };
 
 } // namespace
@@ -63,6 +67,7 @@ struct Editing::State
 
     SolveWorker worker;
     std::optional<std::uint64_t> asked; ///< the document's result revision
+    bool is_asked_in_space = false;     ///< for the hand alone
     std::uint64_t result_revision = 0;
     std::shared_ptr<const DeformedSamples> result;
 
@@ -110,11 +115,25 @@ struct Editing::State
 
     void ask()
     {
-        if (asked == document.result_revision() || document.num_recoverable() > 0)
+        if (is_asked())
             return;
         const std::uint64_t revision = document.result_revision();
-        worker.ask({revision, document.handles(), document.scene(), layout});
+        is_asked_in_space = is_hand_in_space();
+        SceneFile scene = document.scene();
+        if (is_asked_in_space)
+            scene.settings.cells.flat = false;
+        worker.ask(
+            {revision, document.handles(), std::move(scene), layout, is_asked_in_space});
         asked = revision;
+    }
+
+    bool is_hand_in_space() const { return hand && hand->is_in_space; }
+
+    bool is_asked() const
+    {
+        return (asked == document.result_revision() &&
+                is_asked_in_space == is_hand_in_space()) ||
+               document.num_recoverable() > 0;
     }
 
     bool take_solved()
@@ -122,6 +141,15 @@ struct Editing::State
         std::optional<Solved> solved = worker.take();
         if (!solved || solved->revision != document.result_revision())
             return false;
+        if (solved->is_for_drag)
+        {
+            if (is_hand_in_space())
+            {
+                source = std::move(solved->drag);
+                wants_drag = source.has_value();
+            }
+            return false;
+        }
         result = std::move(solved->patch);
         result_revision = solved->revision;
         result_shape = std::move(solved->shape);
@@ -167,7 +195,8 @@ struct Editing::State
         const std::size_t count = num_without_bones(own);
         const auto told = std::count_if(regions.begin(), regions.end(),
                                         [](const EditedRegion& r) { return !r.joint; });
-        if (drag.source.stage_fingerprint != document.stage_fingerprint() ||
+        if ((is_hand_in_space() && drag.source.body->rest->is_flat()) ||
+            drag.source.stage_fingerprint != document.stage_fingerprint() ||
             count != static_cast<std::size_t>(told) ||
             (own.skeleton() ? own.skeleton()->size() : 0) + count != regions.size())
             return false;
@@ -257,6 +286,7 @@ struct Editing::State
             if (!prepared || !fits(*prepared))
                 return false;
             hand->frame = prepared->source.body->rest->frame;
+            hand->flat_axis = prepared->source.body->rest->flat_axis;
             hand->regions = prepared->source.regions;
             PreparedDrag drag = std::move(*prepared);
             prepared.reset();
@@ -264,30 +294,71 @@ struct Editing::State
             hand->live.emplace(std::move(drag));
             wants_drag = false;
             hand->live->show_cells(shows_cells);
-            hand->live->move(motions(), holds());
+            move_hand();
         }
-        if (!hand->live->take(shape, cells))
+        if (!hand->live || !hand->live->take(shape, cells))
             return false;
         shape.version = cells.version = ++version;
         return true;
+    }
+
+    /// Whether the hand takes a flat model out of the plane that it is kept in by
+    /// default.
+    bool leaves_plane() const
+    {
+        if (!hand->live || hand->flat_axis < 0 || document.settings().cells.flat)
+            return false;
+        const std::vector<Motion> all = motions();
+        return std::any_of(all.begin(), all.end(),
+                           [&](const Motion& motion)
+                           {
+                               return !keeps_plane(
+                                   motion, Eigen::Vector3d::Unit(hand->flat_axis),
+                                   Eigen::Vector3d::Zero(), hand->frame.diagonal());
+                           });
+    }
+
+    /// What the hand holds waits for cells that are not kept in a plane.
+    void follow_into_space()
+    {
+        hand->is_in_space = true;
+        end_live(false);
+        hand->live.reset();
+        prepared.reset();
+        ask();
+    }
+
+    /// Moves what the hand holds to where the hand is.
+    void move_hand()
+    {
+        if (!hand->live)
+            return;
+        if (leaves_plane())
+            follow_into_space();
+        else
+            hand->live->move(motions(), holds());
+    }
+
+    /// \p keeps_drag: for the next time, if no newer one is there.
+    void end_live(bool keeps_drag)
+    {
+        std::optional<PreparedDrag> drag = hand->live->stop();
+        if (Refining made = hand->live->take_refining(); made.valid())
+            left_over.push_back(std::move(made));
+        if (keeps_drag && drag && !prepared)
+        {
+            layout = drag->layout;
+            prepared = std::move(drag);
+        }
+        else
+            wants_drag = source.has_value();
     }
 
     /// Opens the hand; the drag stays for the next time if no newer one is there.
     void let_go(bool keeps_drag)
     {
         if (hand->live)
-        {
-            std::optional<PreparedDrag> drag = hand->live->stop();
-            if (Refining made = hand->live->take_refining(); made.valid())
-                left_over.push_back(std::move(made));
-            if (keeps_drag && drag && !prepared)
-            {
-                layout = drag->layout;
-                prepared = std::move(drag);
-            }
-            else
-                wants_drag = source.has_value();
-        }
+            end_live(keeps_drag);
         hand.reset();
     }
 
@@ -321,12 +392,7 @@ struct Editing::State
         return std::exchange(seen_field, now) != now;
     }
 
-    bool is_solved() const
-    {
-        const bool is_asked =
-            asked == document.result_revision() || document.num_recoverable() > 0;
-        return is_asked && !worker.is_busy();
-    }
+    bool is_solved() const { return is_asked() && !worker.is_busy(); }
 
     bool is_settled() const
     {
@@ -560,8 +626,7 @@ void Editing::drag_to(const Placement& placement)
         placement == s.hand->to)
         return;
     s.hand->to = placement;
-    if (s.hand->live)
-        s.hand->live->move(s.motions(), s.holds());
+    s.move_hand();
 }
 
 void Editing::end_drag()

@@ -5,6 +5,7 @@
 #include <stop_token>
 
 #include "editor/document/worker.h"
+#include "editor/session/default_plane.h"
 #include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
 #include "editor/session/script_fingerprint.h"
@@ -112,8 +113,15 @@ struct SolveWorker::State
     /// Makes the material of the model. Other statements that are asked for meanwhile
     /// wait for it: who edits faster than it is made would never get it. Then it throws
     /// Stopped.
-    void make_shape(const CellSettings& settings)
+    void make_shape(const HandleFile& handles, CellSettings settings)
     {
+        const std::vector<Eigen::Vector3d>& samples = model->geometry.samples;
+        if (!settings.is_flat)
+        {
+            const auto plane = DefaultPlane::of(samples, settings);
+            settings.is_flat =
+                plane && plane->keeps(handles.stages.front(), handles.is_relative);
+        }
         worker.alone([&] { is_making_shape = true; });
         const auto finish = [this]
         {
@@ -123,7 +131,7 @@ struct SolveWorker::State
         };
         try
         {
-            shape = build_rest_shape(model->geometry, model->geometry.samples, settings);
+            shape = build_rest_shape(model->geometry, samples, settings);
         }
         catch (...)
         {
@@ -152,7 +160,7 @@ struct SolveWorker::State
             settings.watch = [this](const FrameProgress& now)
             { tell([&](SolveStatus& s) { watch(s, now); }); };
             if (!shape)
-                make_shape(settings.cells);
+                make_shape(request.handles, settings.cells);
             session.emplace(geometry_of(model), request.handles, settings, shape);
             shape.reset();
         }
@@ -203,6 +211,7 @@ struct SolveWorker::State
         const CellSystem& system = *session->system();
         Solved out;
         out.revision = request.revision;
+        out.is_for_drag = request.is_for_drag;
         out.patch = session->shared_deformed();
         out.shape = shown_at(model->geometry, out.patch->samples, request.layout, view);
         out.shape.lines = shown_lines(system, view);

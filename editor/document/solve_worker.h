@@ -58,12 +58,14 @@ struct SolveRequest
     HandleFile handles;
     SceneFile scene; ///< settings
     std::shared_ptr<const ShapeLayout> layout;
+    bool is_for_drag = false; ///< of what comes out the drag alone is wanted
 };
 
 /// What came out.
 struct Solved
 {
     std::uint64_t revision = 0;
+    bool is_for_drag = false; ///< as it was asked for
     std::shared_ptr<const DeformedSamples> patch;
     ShownShape shape;
     ShownCells cells;

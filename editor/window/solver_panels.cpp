@@ -22,21 +22,24 @@ namespace
 constexpr std::size_t kPlotPoints = 96;
 constexpr std::size_t kWarningsShown = 3;
 
+template <class Value>
 struct Choice
 {
-    const char* word; ///< of the scene file; null: its default
+    std::optional<Value> value; ///< of the scene file; nothing: its default
     const char* name;
 };
+using Word = Choice<const char*>;
 
-/// A combo of words that may be left to the default.
-bool show_choice(const char* name, std::optional<std::string>& value,
-                 std::span<const Choice> choices)
+/// A combo of values that may be left to the default.
+template <class Value, class Given, std::size_t count>
+bool show_choice(const char* name, std::optional<Value>& value,
+                 const std::array<Choice<Given>, count>& choices)
 {
     label(name);
-    const auto is_chosen = [&](const Choice& choice)
-    { return choice.word == nullptr ? !value : value == choice.word; };
+    const auto is_chosen = [&](const Choice<Given>& choice)
+    { return choice.value ? value == *choice.value : !value; };
     const char* now = "";
-    for (const Choice& choice : choices)
+    for (const Choice<Given>& choice : choices)
         if (is_chosen(choice))
             now = choice.name;
     bool changed = false;
@@ -44,11 +47,12 @@ bool show_choice(const char* name, std::optional<std::string>& value,
     ImGui::PushID(name);
     if (ImGui::BeginCombo("##choice", now))
     {
-        for (const Choice& choice : choices)
+        for (const Choice<Given>& choice : choices)
             if (ImGui::Selectable(choice.name, is_chosen(choice)) && !is_chosen(choice))
             {
-                value = choice.word == nullptr ? std::nullopt
-                                               : std::optional<std::string>(choice.word);
+                value.reset();
+                if (choice.value)
+                    value.emplace(*choice.value);
                 changed = true;
             }
         ImGui::EndCombo();
@@ -275,13 +279,13 @@ void show_cells_panel(EditorApp& app, PanelState& state)
     take(show_number("Gap", settings.cells.gap, "0.008 (default)",
                      "Parts farther apart than this are never glued, relative to the "
                      "diagonal"));
-    constexpr std::array<Choice, 4> kFills = {{{nullptr, "Solid (default)"},
-                                               {"solid", "Solid"},
-                                               {"closed", "Solid, openings closed"},
-                                               {"shell", "Shell"}}};
+    constexpr std::array<Word, 4> kFills = {{{std::nullopt, "Solid (default)"},
+                                             {"solid", "Solid"},
+                                             {"closed", "Solid, openings closed"},
+                                             {"shell", "Shell"}}};
     is_done |= show_choice("Fill", settings.cells.fill, kFills);
-    constexpr std::array<Choice, 3> kLoose = {
-        {{nullptr, "Follow (default)"}, {"follow", "Follow"}, {"stay", "Stay"}}};
+    constexpr std::array<Word, 3> kLoose = {
+        {{std::nullopt, "Follow (default)"}, {"follow", "Follow"}, {"stay", "Stay"}}};
     is_done |= show_choice("Loose parts", settings.cells.loose, kLoose);
     if (bool joins = settings.cells.join.value_or(false);
         ImGui::Checkbox("Join parts that touch", &joins))
@@ -292,13 +296,11 @@ void show_cells_panel(EditorApp& app, PanelState& state)
     tip("Closed parts of a mesh that touch or overlap at rest are one material; else "
         "each "
         "is its own");
-    if (bool is_flat = settings.cells.flat.value_or(false);
-        ImGui::Checkbox("Flat", &is_flat))
-    {
-        settings.cells.flat = is_flat ? std::optional(true) : std::nullopt;
-        is_done = true;
-    }
-    tip("All samples lie in a plane, and nothing leaves it");
+    constexpr std::array<Choice<bool>, 3> kFlat = {
+        {{std::nullopt, "In its plane, if moves keep it (default)"},
+         {true, "In its plane"},
+         {false, "In space"}}};
+    is_done |= show_choice("A flat model bends", settings.cells.flat, kFlat);
     if (bool touches = settings.cells.contact.value_or(false);
         ImGui::Checkbox("Contact", &touches))
     {
@@ -323,14 +325,13 @@ void show_field_panel(EditorApp& app)
     if (!section("Field", false))
         return;
     SceneSettings settings = app.document().settings();
-    constexpr std::array<Choice, 4> kReleases = {
-        {{nullptr, "Smooth (default)"},
-         {"rbf", "Smooth, local fits"},
-         {"rbf-global", "Smooth, one global fit"},
-         {"blend", "Blend of closest cells"}}};
-    constexpr std::array<Choice, 3> kDrags = {{{nullptr, "Blend (default)"},
-                                               {"blend", "Blend of near cells"},
-                                               {"closest4", "Four closest cells"}}};
+    constexpr std::array<Word, 4> kReleases = {{{std::nullopt, "Smooth (default)"},
+                                                {"rbf", "Smooth, local fits"},
+                                                {"rbf-global", "Smooth, one global fit"},
+                                                {"blend", "Blend of closest cells"}}};
+    constexpr std::array<Word, 3> kDrags = {{{std::nullopt, "Blend (default)"},
+                                             {"blend", "Blend of near cells"},
+                                             {"closest4", "Four closest cells"}}};
     ImGui::BeginDisabled(app.opened()->hand.is_busy());
     bool changed = show_choice("Released", settings.field.release, kReleases);
     changed |= show_choice("Dragged", settings.field.drag, kDrags);

@@ -624,4 +624,155 @@ TEST(Editing, ends_while_it_solves)
     }
 }
 
+namespace
+{
+
+/// A strip in the plane z = 0, its ends held.
+struct Strip
+{
+    support::Folder folder;
+    std::string model;
+
+    Strip() : model(folder / "strip.obj")
+    {
+        write_file(model, support::obj_text(support::sheet_shape(4, 1, 6)),
+                   Overwrite::No);
+    }
+    Document document() const
+    {
+        Document document(model, "");
+        SceneSettings settings;
+        settings.cells.across = 12;
+        settings.cells.max_depth = 1;
+        document.change_settings(settings);
+        document.select(
+            samples_where(document, [](const Eigen::Vector3d& x) { return x.x() < 0.4; }),
+            "Select by box");
+        document.add_region(Role::Fixed, "foot");
+        document.select(
+            samples_where(document, [](const Eigen::Vector3d& x) { return x.x() > 3.6; }),
+            "Select by box");
+        document.add_region(Role::Handle, "head");
+        return document;
+    }
+};
+
+double height(const std::vector<Eigen::Vector3d>& samples)
+{
+    double height = 0.0;
+    for (const Eigen::Vector3d& x : samples)
+        height = std::max(height, std::abs(x.z()));
+    return height;
+}
+
+double shown_height(const ShownShape& shape)
+{
+    double height = 0.0;
+    for (std::size_t i = 2; i < shape.positions.size(); i += 3)
+    {
+        const Eigen::Vector4d x(shape.positions[i - 2], shape.positions[i - 1],
+                                shape.positions[i], 1.0);
+        height = std::max(height, std::abs((shape.to_view * x).z()));
+    }
+    return height;
+}
+
+} // namespace
+
+TEST(Editing, a_drag_out_of_its_plane_lets_a_flat_model_bend_in_space)
+{
+    const Strip strip;
+    Editing editing(strip.document());
+    Document& document = editing.document();
+    editing.wait();
+    drag(editing, "head", turned(0, {-0.5, 0.5, 0}));
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    const std::vector<Eigen::Vector3d> bent = editing.result()->samples;
+    EXPECT_EQ(height(bent), 0.0);
+    EXPECT_EQ(document.settings().cells.flat, std::nullopt);
+
+    drag(editing, "head", turned(0, {-0.5, 0.5, 1.0}));
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_GT(height(editing.result()->samples), 0.9);
+    EXPECT_EQ(document.settings().cells.flat, false);
+    document.save(strip.folder / "scene.json");
+    EXPECT_TRUE(
+        contains(support::bytes_of(strip.folder / "scene.json"), "\"flat\": false"));
+    EXPECT_TRUE(replayed(strip.folder / "scene.json") == editing.result()->samples);
+
+    // One step back it is flat again, and what is done there stays so.
+    document.undo();
+    editing.wait();
+    EXPECT_EQ(document.settings().cells.flat, std::nullopt);
+    EXPECT_TRUE(editing.result()->samples == bent);
+    drag(editing, "head", turned(0, {-0.7, 0.5, 0}));
+    editing.wait();
+    EXPECT_EQ(height(editing.result()->samples), 0.0);
+    document.save(strip.folder / "scene.json");
+    EXPECT_FALSE(contains(support::bytes_of(strip.folder / "scene.json"), "\"flat\""));
+    EXPECT_TRUE(replayed(strip.folder / "scene.json") == editing.result()->samples);
+}
+
+TEST(Editing, a_first_drag_tells_whether_a_flat_model_stays_in_its_plane)
+{
+    const Strip strip;
+    Editing editing(strip.document());
+    editing.wait();
+    drag(editing, "head", turned(30, {0, 0, 0.5}));
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_GT(height(editing.result()->samples), 0.4);
+    EXPECT_EQ(editing.document().settings().cells.flat, std::nullopt);
+    drag(editing, "head", turned(30, {0.2, 0, 0.5}));
+    editing.wait();
+    EXPECT_EQ(editing.document().settings().cells.flat, std::nullopt);
+    editing.document().save(strip.folder / "scene.json");
+    EXPECT_TRUE(replayed(strip.folder / "scene.json") == editing.result()->samples);
+}
+
+TEST(Editing, a_flat_model_in_the_hand_is_seen_in_space_once_it_leaves_its_plane)
+{
+    const Strip strip;
+    Editing editing(strip.document());
+    Document& document = editing.document();
+    editing.wait();
+    document.move_region("head", turned(0, {-0.5, 0.5, 0}));
+    editing.wait();
+    const auto flat = editing.result();
+    ASSERT_TRUE(editing.begin_drag("head"));
+    const auto held_at = [&](const Eigen::Vector3d& shift)
+    {
+        editing.drag_to(turned(0, shift));
+        // Until it has come to rest: what is free goes half of the way up at least.
+        for (int k = 0; k < 4000; ++k)
+        {
+            editing.update();
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            if (k > 200 && (shift.z() == 0.0 || editing.drag_status().frames > 2))
+                break;
+        }
+        return shown_height(editing.shape());
+    };
+    EXPECT_LT(held_at({-0.6, 0.5, 0}), 1e-6);
+    const double scale = (editing.view_frame().axes * Eigen::Vector3d::UnitX()).norm() *
+                         std::ldexp(1.0, editing.view_frame().exponent);
+    EXPECT_GT(held_at({-0.6, 0.5, 1.0}), 0.9 * scale);
+    double free = 0.0; // of what is not held
+    for (std::size_t i = 2; i < editing.shape().positions.size(); i += 3)
+        free += std::abs(editing.shape().positions[i]);
+    EXPECT_GT(free, 0.0);
+    editing.cancel_drag();
+    editing.wait();
+    // The result is that of the document, whatever the hand has seen.
+    EXPECT_EQ(document.settings().cells.flat, std::nullopt);
+    ASSERT_NE(editing.result(), nullptr);
+    EXPECT_TRUE(editing.result()->samples == flat->samples);
+    EXPECT_EQ(editing.status().error, "");
+    drag(editing, "head", turned(0, {-0.6, 0.4, 0}));
+    editing.wait();
+    EXPECT_EQ(height(editing.result()->samples), 0.0);
+}
+
 } // namespace cellwarp
