@@ -371,6 +371,7 @@ private:
         if (word(0) != "frames:" || words_.size() != 2)
             fail("Frames", "is missing");
         const std::optional<std::int64_t> frames = parse_integer(words_[1]);
+        const std::int64_t frames_line = lines_.line_number();
         if (!frames || *frames < 0)
             fail("Frames", "got " + in_quotes(words_[1]) + ", need a count");
         next_line();
@@ -381,15 +382,22 @@ private:
         if (!(dt > 0))
             fail("Frame Time", "got " + in_quotes(words_[2]) + ", need > 0");
         start_tracks();
-        for (std::int64_t frame = 0; frame < *frames; ++frame)
+        std::int64_t frame = 0;
+        for (; frame <= *frames + 1 && step(); ++frame)
         {
-            if (!step())
-                fail("Frames", "promises " + std::to_string(*frames) + " (got " +
-                                   std::to_string(frame) + ")");
+            // Some programs count the rest pose, others count from 0.
+            if (frame == *frames + 1)
+                fail("Frames", "promises " + std::to_string(*frames) + ", more follow");
             add_frame(frame, static_cast<double>(frame) * dt);
         }
-        if (step())
-            fail("Frames", "promises " + std::to_string(*frames) + ", more follow");
+        if (frame < *frames - 1 || (frame == 0 && *frames > 0))
+            fail("Frames", "promises " + std::to_string(*frames) + " (got " +
+                               std::to_string(frame) + ")");
+        if (frame != *frames)
+            out_.warnings.push_back(at({path_, frames_line, "Frames"},
+                                       "promises " + std::to_string(*frames) +
+                                           ", the file has " + std::to_string(frame) +
+                                           ": all of these are read"));
         end_tracks();
     }
     void start_tracks()

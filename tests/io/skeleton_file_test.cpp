@@ -288,8 +288,8 @@ TEST(SkeletonFile, what_is_wrong_with_a_bvh_is_told_with_its_line)
     EXPECT_TRUE(contains(with("Zrotation", "Wrotation"), "got 'Wrotation'"));
     EXPECT_TRUE(contains(with("Zrotation", "Xposition"), "each once"));
     EXPECT_TRUE(contains(with("RightLeg", "Left Leg"), "is the name of two joints"));
-    EXPECT_TRUE(contains(with("Frames: 2", "Frames: 3"), "promises 3 (got 2)"));
-    EXPECT_TRUE(contains(with("Frames: 2", "Frames: 1"), "more follow"));
+    EXPECT_TRUE(contains(with("Frames: 2", "Frames: 4"), "promises 4 (got 2)"));
+    EXPECT_TRUE(contains(with("Frames: 2", "Frames: 0"), "more follow"));
     EXPECT_TRUE(contains(with("Time: 0.5", "Time: 0"), "need > 0"));
     EXPECT_TRUE(contains(with("1 2 3  90", "1 2 3"), "need 15 numbers (got 14)"));
     EXPECT_TRUE(contains(with("1 2 3  90", "1 2 nan 90"), "got 'nan'"));
@@ -334,6 +334,23 @@ TEST(SkeletonFile, has_ten_thousand_joints_at_the_most)
                          "got 'x', need an integer"));
     EXPECT_TRUE(contains(refusal("a.tgf", "PK\x03\x04"),
                          "looks like a ZIP archive, need a skeleton"));
+}
+
+TEST(SkeletonFile, a_bvh_may_miscount_its_frames_by_one)
+{
+    const SkeletonValues two = bvh(kWalk);
+    for (const char* count : {"Frames: 1", "Frames: 3"})
+    {
+        std::string changed = kWalk;
+        changed.replace(changed.find("Frames: 2"), 9, count);
+        const SkeletonValues walk = bvh(changed);
+        ASSERT_EQ(walk.turns.size(), two.turns.size());
+        for (std::size_t i = 0; i < two.turns.size(); ++i)
+            EXPECT_EQ(walk.turns[i].times, two.turns[i].times) << count;
+        ASSERT_EQ(walk.warnings.size(), two.warnings.size() + 1);
+        EXPECT_TRUE(
+            contains(walk.warnings.back(), "the file has 2: all of these are read"));
+    }
 }
 
 TEST(SkeletonFile, a_bvh_without_frames_is_a_skeleton_at_rest)
