@@ -117,7 +117,22 @@ bool add_mesh(const aiMesh& mesh, const Eigen::Affine3d& to_world, Imported& out
     return true;
 }
 
-void add_scene(const aiScene& scene, Imported& out)
+/// The unit of the file [m]. Most formats, as glTF, count in metres; FBX counts in
+/// centimetres, or in as many of them as it says.
+double metres(const aiScene& scene, const std::string& extension)
+{
+    if (extension != "fbx")
+        return 1.0;
+    double centimetres = 1.0;
+    float single = 1.0f;
+    if (scene.mMetaData && scene.mMetaData->Get("UnitScaleFactor", single))
+        centimetres = static_cast<double>(single);
+    else if (scene.mMetaData)
+        scene.mMetaData->Get("UnitScaleFactor", centimetres);
+    return centimetres > 0.0 && std::isfinite(centimetres) ? 0.01 * centimetres : 0.01;
+}
+
+void add_scene(const aiScene& scene, double unit, Imported& out)
 {
     struct Visit
     {
@@ -126,7 +141,8 @@ void add_scene(const aiScene& scene, Imported& out)
         Eigen::Affine3d to_world;
     };
     std::vector<Visit> rest = {
-        {scene.mRootNode, 1, affine(scene.mRootNode->mTransformation)}};
+        {scene.mRootNode, 1,
+         Eigen::Scaling(unit) * affine(scene.mRootNode->mTransformation)}};
     while (!rest.empty())
     {
         const Visit visit = rest.back();
@@ -167,7 +183,7 @@ Imported imported(const std::string& bytes, const std::string& extension)
     if (!scene || !scene->mRootNode)
         out.problem = "cannot be imported: " + std::string(importer.GetErrorString());
     else
-        add_scene(*scene, out);
+        add_scene(*scene, metres(*scene, extension), out);
     if (out.problem.empty() && out.samples.empty())
         out.problem = "no vertices";
     return out;

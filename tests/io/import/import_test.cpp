@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/import/import.h"
 
+#include <algorithm>
 #include <csignal>
 #include <filesystem>
 
@@ -55,6 +56,46 @@ std::string collada(const std::string& positions = "0 0 0 1 0 0 0 1 0 0 0 1")
 )";
 }
 
+/// A tetrahedron whose edges along the axes are 50 units long. \p unit: of the file [cm];
+/// empty: it says nothing.
+std::string fbx(const std::string& unit)
+{
+    const std::string property =
+        unit.empty() ? ""
+                     : "P: \"UnitScaleFactor\", \"double\", \"Number\", \"\"," + unit;
+    return R"(; FBX 7.4.0 project file
+FBXHeaderExtension: {
+  FBXHeaderVersion: 1003
+  FBXVersion: 7400
+}
+GlobalSettings: {
+  Version: 1000
+  Properties70: {
+    )" + property +
+           R"(
+  }
+}
+Objects: {
+  Geometry: 10, "Geometry::a", "Mesh" {
+    Vertices: *12 {
+      a: 0,0,0,50,0,0,0,50,0,0,0,50
+    }
+    PolygonVertexIndex: *12 {
+      a: 0,2,-2,0,1,-4,1,2,-4,0,3,-3
+    }
+    GeometryVersion: 124
+  }
+  Model: 20, "Model::a", "Mesh" {
+    Version: 232
+  }
+}
+Connections: {
+  C: "OO",20,0
+  C: "OO",10,20
+}
+)";
+}
+
 } // namespace
 
 TEST(Import, instances_are_in_the_world_and_faces_share_their_corners)
@@ -73,6 +114,18 @@ TEST(Import, instances_are_in_the_world_and_faces_share_their_corners)
     EXPECT_FALSE(geometry.not_writable.empty());
     ASSERT_EQ(geometry.warnings.size(), 1u);
     EXPECT_TRUE(contains(geometry.warnings[0], "32-bit floats"));
+}
+
+TEST(Import, an_fbx_is_in_metres_whatever_its_unit)
+{
+    for (const auto& [unit, edge] : std::vector<std::pair<std::string, double>>{
+             {"", 0.5}, {"1", 0.5}, {"100", 50.0}, {"2.5", 1.25}, {"-1", 0.5}})
+    {
+        double most = 0.0;
+        for (const Eigen::Vector3d& x : import_geometry("x.fbx", fbx(unit)).samples)
+            most = std::max(most, x.cwiseAbs().maxCoeff());
+        EXPECT_NEAR(most, edge, 1e-6 * edge) << "unit " << unit;
+    }
 }
 
 TEST(Import, formats_of_our_own_are_not_imported)
