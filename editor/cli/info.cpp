@@ -38,6 +38,8 @@ Json describe(const GeometryFile& file, const std::optional<Parts>& parts)
     json["lines"] = geometry.lines.size();
     json["box"] = {{box.low.x(), box.low.y(), box.low.z()},
                    {box.high.x(), box.high.y(), box.high.z()}};
+    if (!geometry.columns.empty())
+        json["columns"] = geometry.columns;
     json["attributes"] = geometry.attributes;
     json["writable"] = geometry.not_writable.empty();
     json["parts"] = parts_json(parts);
@@ -64,9 +66,16 @@ std::string as_text(const Json& json)
         text += fmt::format("  lines       {}\n", lines);
     text += "  box         " + corner_text(json["box"][0]) + " to " +
             corner_text(json["box"][1]) + "\n";
-    std::string attributes;
-    for (const Json& name : json["attributes"])
-        attributes += (attributes.empty() ? "" : ", ") + name.get<std::string>();
+    const auto names = [&](const char* key)
+    {
+        std::string list;
+        for (const Json& name : json[key])
+            list += (list.empty() ? "" : ", ") + name.get<std::string>();
+        return list;
+    };
+    if (json.contains("columns"))
+        text += "  columns     " + names("columns") + "\n";
+    const std::string attributes = names("attributes");
     text += "  attributes  " + (attributes.empty() ? "none" : attributes) + "\n";
     return text + "  writable    " + (json["writable"].get<bool>() ? "yes" : "no") + "\n";
 }

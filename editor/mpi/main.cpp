@@ -128,12 +128,14 @@ int run(const Ranks& ranks, const Flags& flags)
                 output->commit();
         });
     const std::uint64_t normals = ranks.sum(file->num_bad_normals()),
-                        rotations = ranks.sum(file->num_bad_rotations());
+                        rotations = ranks.sum(file->num_bad_rotations()),
+                        missing = ranks.sum(file->num_missing());
     if (ranks.is_first() && code == 0)
     {
         warn(normals, flags.input, "normals are not finite and stay as they are");
         warn(rotations, flags.input,
              "rotations are zero or not finite and stay as they are");
+        warn(missing, flags.input, "points without a place (NaN) stay as they are");
     }
     return code;
 }

@@ -82,6 +82,7 @@ void SpreadPly::move(std::uint64_t first, std::uint64_t end,
         check_magnitude(path_, geometry);
         num_bad_normals_ += geometry.num_bad_normals;
         num_bad_rotations_ += geometry.num_bad_rotations;
+        num_missing_ += geometry.num_missing;
         std::vector<Eigen::Vector3d> samples = geometry.samples,
                                      directions = geometry.directions;
         std::vector<Eigen::Vector4d> rotations = geometry.rotations;

@@ -23,6 +23,7 @@ public:
     std::uint64_t num_vertices() const { return vertices_.count; }
     std::uint64_t num_bad_normals() const { return num_bad_normals_; }
     std::uint64_t num_bad_rotations() const { return num_bad_rotations_; }
+    std::uint64_t num_missing() const { return num_missing_; }
     /// Writes share \p i of \p count to \p output, at the same places: its vertices
     /// moved, and of all other bytes as large a part. Memory does not grow with it.
     void write_share(std::uint64_t i, std::uint64_t count, const Deformation& deformation,
@@ -39,7 +40,7 @@ private:
     PlyScanner scanner_;
     Geometry none_; ///< how numbers are stored
     PlyScanner::Vertices vertices_;
-    std::uint64_t num_bad_normals_ = 0, num_bad_rotations_ = 0;
+    std::uint64_t num_bad_normals_ = 0, num_bad_rotations_ = 0, num_missing_ = 0;
 };
 
 /// Part \p i of \p count of [begin, end).
