@@ -313,7 +313,10 @@ TEST(Apply, one_bad_file_does_not_end_a_batch)
     const Result fast =
         files.apply({bad, a, c, "-o", files.folder / "o3/", "--fail-fast", "--json"});
     EXPECT_EQ(fast.code, 3);
-    EXPECT_EQ(fast.out, "");
+    // It is told of each file, as ever.
+    const nlohmann::json told = nlohmann::json::parse(fast.out);
+    EXPECT_EQ(told["files"][0]["status"], "failed");
+    EXPECT_EQ(told["files"][1]["status"], "not begun");
     EXPECT_TRUE(contains(fast.err, "2 were not begun"));
     EXPECT_FALSE(std::filesystem::exists(files.folder / "o3/a.xyz"));
 }

@@ -135,7 +135,7 @@ TEST(SimulateFlesh, what_is_not_built_and_what_cannot_be_is_refused)
 {
     const Result law = run({"simulate", Files(R"(, "law": "plastic")").scene, "--json"});
     EXPECT_EQ(law.code, 3);
-    EXPECT_TRUE(law.out.empty());
+    EXPECT_EQ(Json::parse(law.out)["error"]["field"], "skeleton.law");
     EXPECT_TRUE(contains(law.err, "skeleton.law: got 'plastic'"));
     const Result lattice =
         run({"simulate", Files(R"(, "lattice": "none.mesh")").scene, "--json"});

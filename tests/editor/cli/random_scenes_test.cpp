@@ -70,8 +70,10 @@ std::string fault_of(const RandomScene& scene, const support::Result& result,
     case 3:
     case 5:
     case 6:
-        if (!result.out.empty() || support::num_files(folder) != 2)
+        if (support::num_files(folder) != 2)
             return "an error that leaves something";
+        if (!nlohmann::json::parse(result.out, nullptr, false).contains("error"))
+            return "an error without an object";
         if (result.err.find("error: ") == std::string::npos)
             return "an error without a message";
         if (result.err.find("finite numbers") != std::string::npos)
