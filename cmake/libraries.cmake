@@ -7,6 +7,8 @@ find_package(CLI11 2.1 REQUIRED)
 find_package(ZLIB REQUIRED)                                             # io
 find_path(LZF_INCLUDE lzf.h PATH_SUFFIXES liblzf REQUIRED)              # io
 find_library(LZF_LIBRARY lzf REQUIRED)
+find_package(draco 1.5 REQUIRED)                                        # io
+find_package(meshoptimizer REQUIRED)                                    # io
 find_package(TBB REQUIRED)                                              # octree/base
 find_package(nanoflann REQUIRED)                                        # octree/base
 find_path(XXHASH_INCLUDE xxhash.h REQUIRED)                             # octree/base

@@ -406,6 +406,12 @@ bool is_animation_format(std::string_view extension, std::string_view format,
     return extension == "glb" && !(is_gltf && is_patched);
 }
 
+bool is_skinned(const Geometry& geometry)
+{
+    return std::find(geometry.attributes.begin(), geometry.attributes.end(),
+                     "JOINTS_0") != geometry.attributes.end();
+}
+
 AnimationFile::AnimationFile(const std::string& path, OutputSet& outputs,
                              const Geometry& geometry, std::vector<double> times,
                              NormalsOf normals)

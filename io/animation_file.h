@@ -25,6 +25,10 @@ namespace cellwarp
 bool is_animation_format(std::string_view extension, std::string_view format,
                          bool is_patched);
 
+/// Whether a model has a skin, which would go on moving a patched copy of it: where
+/// joints have posed it, it is written as a mesh that moves.
+bool is_skinned(const Geometry& geometry);
+
 /// Takes frame after frame; they never lie in memory together.
 class AnimationFile
 {

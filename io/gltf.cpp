@@ -50,8 +50,13 @@ public:
 
     void read()
     {
-        walk_nodes();
-        finish();
+        // What is unpacked is in memory whole: there is no plan for it.
+        layout_.is_patched = !layout_.is_packed && !has_gpu_instances();
+        if (!plan_ || layout_.is_patched)
+        {
+            walk_nodes();
+            finish();
+        }
         file_.gltf = std::make_shared<const GltfLayout>(std::move(layout_));
     }
 
@@ -63,18 +68,27 @@ private:
         std::size_t depth;
         Eigen::Affine3d to_world;
     };
-    void find_meshes()
+    bool has_gpu_instances() const
+    {
+        const Json& nodes = json_.list("nodes");
+        return std::any_of(nodes.begin(), nodes.end(),
+                           [](const Json& node) {
+                               return node.contains("mesh") &&
+                                      GltfJson::extension(node, kInstancingExtension);
+                           });
+    }
+    void check_meshes()
     {
         for (std::size_t i = 0; i < nodes_.size(); ++i)
             if (const Json* mesh = json_.find(nodes_[i], "mesh"))
-                nodes_of_mesh_[json_.index_of(*mesh, element("nodes", i) + ".mesh",
-                                              "meshes", json_.list("meshes").size())]
-                    .push_back(i);
+                json_.index_of(*mesh, element("nodes", i) + ".mesh", "meshes",
+                               json_.list("meshes").size());
     }
     void walk_nodes()
     {
-        find_meshes();
+        check_meshes();
         read_meshes();
+        layout_.uses.assign(data_.accessors().size(), 0);
         std::vector<Visit> rest;
         for (auto root = nodes_.roots().rbegin(); root != nodes_.roots().rend(); ++root)
             rest.push_back({*root, 1, Eigen::Affine3d::Identity()});
@@ -92,10 +106,77 @@ private:
                 rest.push_back({*child, visit.depth + 1, to_world});
             if (!nodes_[visit.node].contains("mesh"))
                 continue;
-            if (++instances > kMaxInstances)
-                json_.fail(where, "more than 100000 nodes with meshes");
-            instance(visit.node, to_world);
+            const auto count = [&](std::size_t more)
+            {
+                if (more > kMaxInstances - instances)
+                    json_.fail(where, "more than 100000 nodes with meshes");
+                instances += more;
+            };
+            const Json* const many =
+                json_.extension(nodes_[visit.node], kInstancingExtension);
+            if (!many)
+            {
+                count(1);
+                instance(visit.node, to_world);
+                continue;
+            }
+            const std::vector<Eigen::Affine3d> places =
+                gpu_places(*many, where + ".extensions." + kInstancingExtension, count);
+            for (std::size_t k = 0; k < places.size(); ++k)
+                instance(visit.node, to_world * places[k], k);
         }
+    }
+    /// Of instances of a node's mesh, in the node.
+    template <class Count>
+    std::vector<Eigen::Affine3d> gpu_places(const Json& many, const std::string& where,
+                                            Count&& count) const
+    {
+        const Json* const attributes =
+            many.is_object() ? json_.find(many, "attributes") : nullptr;
+        if (!attributes || !attributes->is_object())
+            json_.fail(where + ".attributes", "need an object");
+        std::optional<std::size_t> size;
+        const auto numbers = [&](const char* name, std::size_t length)
+        {
+            const Json* const found = json_.find(*attributes, name);
+            if (!found)
+                return std::vector<double>();
+            const std::string field = where + ": " + name;
+            const std::size_t number =
+                json_.index_of(*found, field, "accessors", data_.accessors().size());
+            const GltfAccessor& accessor = data_.accessors()[number];
+            if (accessor.length != length)
+                json_.fail(field, "accessors[" + std::to_string(number) + "] is no VEC" +
+                                      std::to_string(length));
+            if (size.value_or(accessor.count) != accessor.count)
+                json_.fail(where, "its attributes differ in count");
+            if (!size)
+                count(static_cast<std::size_t>(accessor.count));
+            size = static_cast<std::size_t>(accessor.count);
+            return data_.numbers_of(number);
+        };
+        const std::vector<double> shifts = numbers("TRANSLATION", 3),
+                                  turns = numbers("ROTATION", 4),
+                                  scales = numbers("SCALE", 3);
+        if (!size)
+            json_.fail(where + ".attributes", "need TRANSLATION, ROTATION or SCALE");
+        std::vector<Eigen::Affine3d> places(*size, Eigen::Affine3d::Identity());
+        for (std::size_t k = 0; k < places.size(); ++k)
+        {
+            if (!shifts.empty())
+                places[k].translate(Eigen::Map<const Eigen::Vector3d>(&shifts[3 * k]));
+            if (!turns.empty())
+            {
+                const Eigen::Quaterniond turn(&turns[4 * k]);
+                if (!(turn.norm() > 0) || !std::isfinite(turn.norm()))
+                    json_.fail(where + ": ROTATION",
+                               "element " + std::to_string(k) + " is no rotation");
+                places[k].rotate(turn.normalized());
+            }
+            if (!scales.empty())
+                places[k].scale(Eigen::Map<const Eigen::Vector3d>(&scales[3 * k]));
+        }
+        return places;
     }
 
     // --- meshes ------------------------------------------------------------------------
@@ -177,12 +258,6 @@ private:
         if (primitive.mode > 6)
             json_.fail(where + ".mode",
                        "got " + std::to_string(primitive.mode) + ", need 0 to 6");
-        if (json_.extension(object, "KHR_draco_mesh_compression"))
-        {
-            if (!data_.accessors()[primitive.position].has_data)
-                json_.fail(where, "KHR_draco_mesh_compression cannot be read");
-            reason_of_mesh_.try_emplace(mesh, "a primitive is also compressed by Draco");
-        }
         if (object.contains("targets"))
             reason_of_mesh_.try_emplace(mesh, "its mesh has morph targets");
         for (const auto& [name, value] : attributes->items())
@@ -190,16 +265,6 @@ private:
                 attribute_names_.insert(name == "NORMAL"    ? "normals"
                                         : name == "TANGENT" ? "tangents"
                                                             : name);
-        for (const auto& used :
-             {std::optional(primitive.position), primitive.normal, primitive.tangent})
-            if (used)
-            {
-                users_[*used].insert(mesh);
-                if (!data_.accessors()[*used].is_plain())
-                    reason_of_mesh_.try_emplace(
-                        mesh, "accessors[" + std::to_string(*used) +
-                                  "] is sparse, compressed or not stored as floats");
-            }
         return primitive;
     }
     void refuse_writing(std::size_t node, const std::string& why)
@@ -212,44 +277,21 @@ private:
             out_.not_writable += " " + in_quotes(name->get<std::string>());
         out_.not_writable += ": " + why;
     }
-    /// What of this node's mesh is not the node's alone, or not stored as it is.
     void check_writable(std::size_t node, std::size_t mesh, const Eigen::Matrix3d& linear)
     {
-        const Json& object = json_.list("nodes")[node];
-        const std::vector<std::size_t>& same = nodes_of_mesh_[mesh];
-        if (same.size() > 1)
-            refuse_writing(node, "its mesh has several instances (also " +
-                                     element("nodes", same[same[0] == node]) + ")");
-        if (json_.extension(object, "EXT_mesh_gpu_instancing"))
-            refuse_writing(node, "its mesh has several instances (on the GPU)");
-        if (object.contains("skin"))
-            refuse_writing(node, "its mesh has a skin");
         if (const auto reason = reason_of_mesh_.find(mesh);
             reason != reason_of_mesh_.end())
             refuse_writing(node, reason->second);
-        for (const Primitive& primitive : meshes_[mesh])
-            for (const auto& used :
-                 {std::optional(primitive.position), primitive.normal, primitive.tangent})
-                if (used && users_[*used].size() > 1)
-                    refuse_writing(node, "accessors[" + std::to_string(*used) +
-                                             "] is used by several meshes");
         if (!Eigen::FullPivLU<Eigen::Matrix3d>(linear)
                  .setThreshold(kSingular)
                  .isInvertible())
             refuse_writing(node, "its matrix is singular");
     }
 
-    static void add_places(const GltfAccessor& accessor, std::size_t element_number,
-                           ByteOffsets& places)
-    {
-        for (std::size_t k = 0; k < 3; ++k)
-            places.starts.push_back(accessor.start + element_number * accessor.stride +
-                                    k * sizeof(float));
-    }
     /// Directions or tangents of samples from \p first_sample on.
     void add_vectors(std::size_t number, std::size_t first_sample,
                      const Eigen::Matrix3d& map, std::vector<Eigen::Vector3d>& vectors,
-                     std::vector<std::uint32_t>& samples, ByteOffsets& places)
+                     std::vector<std::uint32_t>& samples)
     {
         count_up(num_vectors_, data_.accessors()[number].count, "normals and tangents");
         const std::vector<Eigen::Vector3d> values = data_.values_of(number);
@@ -264,8 +306,6 @@ private:
             }
             vectors.push_back(vector);
             samples.push_back(static_cast<std::uint32_t>(first_sample + i));
-            if (data_.accessors()[number].is_plain())
-                add_places(data_.accessors()[number], i, places);
         }
         note_data(number);
     }
@@ -301,8 +341,6 @@ private:
             if (!world.allFinite())
                 throw vertex_not_finite(file_.path, data_of(number), i);
             out_.samples.push_back(world);
-            if (accessor.is_plain())
-                add_places(accessor, i, out_.sample_places);
         }
         note_data(number);
         return first;
@@ -324,54 +362,74 @@ private:
         list.push_back(data_of(number));
         note_data(number);
     }
-    void instance(std::size_t node, const Eigen::Affine3d& node_to_world)
+    void instance(std::size_t node, const Eigen::Affine3d& node_to_world,
+                  std::optional<std::size_t> gpu_instance = {})
     {
         const Json& object = json_.list("nodes")[node];
-        const std::size_t mesh = static_cast<std::size_t>(object["mesh"].get<double>());
         GltfLayout::Part part;
+        part.node = node;
+        part.mesh = static_cast<std::size_t>(object["mesh"].get<double>());
+        part.gpu_instance = gpu_instance;
         // A skin places its mesh by its joints alone: what is stored is the bind pose.
         const Eigen::Affine3d to_world =
             object.contains("skin") ? Eigen::Affine3d::Identity() : node_to_world;
         part.to_world = to_world;
         const Eigen::Matrix3d linear = to_world.linear();
-        check_writable(node, mesh, linear);
+        check_writable(node, part.mesh, linear);
         const Eigen::FullPivLU<Eigen::Matrix3d> inverse(linear);
         if (!linear.isIdentity(0) && inverse.isInvertible())
             part.of_normals = inverse.inverse().transpose();
-        part.first[0] = out_.samples.size();
-        part.first[1] = out_.directions.size();
-        part.first[2] = out_.tangents.size();
         // Primitives of one mesh may share what they are made of.
         std::map<std::size_t, std::size_t> first_samples;
         std::set<std::pair<std::size_t, std::size_t>> known;
-        for (const Primitive& primitive : meshes_[mesh])
+        for (const Primitive& primitive : meshes_[part.mesh])
         {
             const auto [samples, is_new] =
                 first_samples.try_emplace(primitive.position, 0);
+            GltfLayout::Run run;
+            run.position = primitive.position;
+            const auto add_run = [&](std::size_t list, std::size_t accessor,
+                                     std::size_t first, std::size_t end)
+            {
+                run.list = list;
+                run.accessor = accessor;
+                run.first = first;
+                run.end = end;
+                run.samples = samples->second;
+                part.runs.push_back(run);
+                ++layout_.uses[accessor];
+            };
             if (is_new)
+            {
                 samples->second = add_samples(primitive.position, part);
-            const bool has_normals =
-                primitive.normal &&
-                known.emplace(primitive.position, *primitive.normal).second;
-            const bool has_tangents =
-                primitive.tangent &&
-                known.emplace(primitive.position, *primitive.tangent).second;
-            if (has_normals && plan_)
-                add_to_run(*primitive.normal, plan_->runs[samples->second].directions);
-            else if (has_normals)
-                add_vectors(*primitive.normal, samples->second, part.of_normals,
-                            out_.directions, out_.direction_samples,
-                            out_.direction_places);
-            if (has_tangents && plan_)
-                add_to_run(*primitive.tangent, plan_->runs[samples->second].tangents);
-            else if (has_tangents)
-                add_vectors(*primitive.tangent, samples->second, part.to_world.linear(),
-                            out_.tangents, out_.tangent_samples, out_.tangent_places);
+                add_run(0, primitive.position, samples->second, out_.samples.size());
+            }
+            const auto is_first = [&](const std::optional<std::size_t>& accessor)
+            { return accessor && known.emplace(primitive.position, *accessor).second; };
+            if (is_first(primitive.normal))
+            {
+                const std::size_t first = out_.directions.size();
+                if (plan_)
+                    add_to_run(*primitive.normal,
+                               plan_->runs[samples->second].directions);
+                else
+                    add_vectors(*primitive.normal, samples->second, part.of_normals,
+                                out_.directions, out_.direction_samples);
+                add_run(1, *primitive.normal, first, out_.directions.size());
+            }
+            if (is_first(primitive.tangent))
+            {
+                const std::size_t first = out_.tangents.size();
+                if (plan_)
+                    add_to_run(*primitive.tangent, plan_->runs[samples->second].tangents);
+                else
+                    add_vectors(*primitive.tangent, samples->second,
+                                part.to_world.linear(), out_.tangents,
+                                out_.tangent_samples);
+                add_run(2, *primitive.tangent, first, out_.tangents.size());
+            }
             add_faces(primitive, samples->second);
         }
-        part.end[0] = out_.samples.size();
-        part.end[1] = out_.directions.size();
-        part.end[2] = out_.tangents.size();
         layout_.parts.push_back(part);
     }
     void add_faces(const Primitive& primitive, std::size_t first_sample)
@@ -430,9 +488,6 @@ private:
     {
         if (num_samples_ == 0)
             json_.fail("", "no vertices in its scene");
-        out_.sample_places.scalars.fill(Scalar::Float32);
-        out_.direction_places.scalars.fill(Scalar::Float32);
-        out_.tangent_places.scalars.fill(Scalar::Float32);
         const auto by_accessor = [](const GltfLayout::Data& a, const GltfLayout::Data& b)
         { return a.accessor < b.accessor; };
         std::sort(layout_.data.begin(), layout_.data.end(), by_accessor);
@@ -441,19 +496,76 @@ private:
                         [](const GltfLayout::Data& a, const GltfLayout::Data& b)
                         { return a.accessor == b.accessor; }),
             layout_.data.end());
-        if (out_.not_writable.empty())
-        {
-            std::set<std::size_t> changing;
-            for (const GltfLayout::Data& data : layout_.data)
-                changing.insert(data.accessor);
-            out_.not_writable = data_.overlap(changing);
-        }
-        if (!out_.not_writable.empty())
-            for (ByteOffsets* places :
-                 {&out_.sample_places, &out_.direction_places, &out_.tangent_places})
-                places->starts.clear();
+        find_own();
+        if (layout_.is_packed)
+            out_.warnings.push_back(at({file_.path, 0, ""},
+                                       "holds compressed data, which are written "
+                                       "uncompressed where the model has moved"));
         out_.attributes.assign(attribute_names_.begin(), attribute_names_.end());
         warn_of_bad_vectors(file_.path, num_bad_vectors_, out_);
+    }
+
+    /// Which accessors hold the numbers of one run and of nothing else.
+    void find_own()
+    {
+        count_other_uses();
+        std::set<std::size_t> changing;
+        for (const GltfLayout::Data& data : layout_.data)
+            changing.insert(data.accessor);
+        layout_.does_overlap = data_.do_overlap(changing);
+        for (const GltfLayout::Part& part : layout_.parts)
+            for (const GltfLayout::Run& run : part.runs)
+                layout_.is_patched = layout_.is_patched && layout_.is_own(run.accessor);
+    }
+    /// Of accessors that runs read: what else reads them, whether it is in the scene or
+    /// not.
+    void count_other_uses()
+    {
+        std::set<std::size_t> nodes, shown, hidden; // the latter two of meshes
+        for (const GltfLayout::Part& part : layout_.parts)
+        {
+            nodes.insert(part.node);
+            shown.insert(part.mesh);
+        }
+        for (std::size_t i = 0; i < nodes_.size(); ++i)
+            if (const Json* mesh = json_.find(nodes_[i], "mesh");
+                mesh && !nodes.contains(i))
+                hidden.insert(static_cast<std::size_t>(mesh->get<double>()));
+        const auto count = [&](const Json& value)
+        {
+            if (!value.is_number() || !(value.get<double>() >= 0))
+                return;
+            const std::size_t accessor = static_cast<std::size_t>(value.get<double>());
+            if (accessor < layout_.uses.size() && layout_.uses[accessor] > 0)
+                ++layout_.uses[accessor];
+        };
+        const auto count_all = [&](const Json& object)
+        {
+            for (const auto& [name, value] : object.items())
+                count(value);
+        };
+        const Json& meshes = json_.list("meshes");
+        for (std::size_t m = 0; m < meshes.size(); ++m)
+            for (const Json& primitive : meshes[m]["primitives"])
+            {
+                const bool is_counted = shown.contains(m) && !hidden.contains(m);
+                for (const auto& [name, value] : primitive["attributes"].items())
+                    if (!is_counted ||
+                        (name != "POSITION" && name != "NORMAL" && name != "TANGENT"))
+                        count(value);
+                if (const Json* indices = json_.find(primitive, "indices"))
+                    count(*indices);
+                if (const Json* targets = json_.find(primitive, "targets");
+                    targets && targets->is_array())
+                    std::for_each(targets->begin(), targets->end(), count_all);
+            }
+        for (const Json& skin : json_.list("skins"))
+            if (const Json* bind = json_.find(skin, "inverseBindMatrices"))
+                count(*bind);
+        for (const Json& animation : json_.list("animations"))
+            if (const Json* samplers = json_.find(animation, "samplers");
+                samplers && samplers->is_array())
+                std::for_each(samplers->begin(), samplers->end(), count_all);
     }
 
     GeometryFile& file_;
@@ -464,9 +576,7 @@ private:
     const GltfJson& json_;
     const GltfNodes nodes_;
     std::vector<std::vector<Primitive>> meshes_;
-    std::map<std::size_t, std::vector<std::size_t>> nodes_of_mesh_;
-    std::map<std::size_t, std::set<std::size_t>> users_; ///< meshes of each accessor
-    std::map<std::size_t, std::string> reason_of_mesh_;  ///< that it is not writable
+    std::map<std::size_t, std::string> reason_of_mesh_; ///< that it is not writable
     std::set<std::string> attribute_names_;
     bool is_quantised_ = false; ///< positions and the like may be stored as integers
     std::uint64_t num_bad_vectors_ = 0;

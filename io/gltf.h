@@ -28,18 +28,51 @@ struct Companion
     std::string bytes;
 };
 
+/// Elements of an accessor that stand elsewhere than the others.
+struct GltfSparse
+{
+    std::uint64_t count = 0, indices = 0, values = 0; ///< starts [byte]
+    Scalar index_type = Scalar::UInt8;
+};
+
+/// What numbers are, and where: starts count in Geometry::unpacked.
+struct GltfAccessor
+{
+    Scalar type = Scalar::Float32;
+    std::size_t length = 1;                         ///< numbers of an element
+    std::uint64_t count = 0, start = 0, stride = 0; ///< [byte]
+    bool is_normalised = false;
+    bool is_compressed = false; ///< by meshopt, in the file
+    bool is_draco = false;      ///< by Draco, in the file
+    bool has_data = false;      ///< else it is all zeros
+    std::optional<GltfSparse> sparse;
+
+    std::size_t element_bytes() const;
+    /// Whether its numbers stand in the file as a patch writes them.
+    bool is_plain() const
+    {
+        return has_data && !sparse && !is_compressed && !is_draco &&
+               type == Scalar::Float32;
+    }
+};
+
+/// All numbers of all elements; \p body holds the buffers. What is sparse must have been
+/// checked.
+std::vector<double> accessor_numbers(const GltfAccessor& accessor, std::string_view body);
+
 /// Where in a glTF file what a patch changes is packed. Geometry::unpacked holds its
-/// buffers one after the other.
+/// buffers one after the other, then what is unpacked of compressed data.
 struct GltfLayout
 {
     struct Buffer
     {
         enum class Kind
         {
-            Inside, ///< base64 in the JSON
-            Beside, ///< a file in the same folder or below
-            Chunk,  ///< of the binary container
-            Again,  ///< a file beside that an earlier buffer has read: `twin`
+            Inside,   ///< base64 in the JSON
+            Beside,   ///< a file in the same folder or below
+            Chunk,    ///< of the binary container
+            Again,    ///< a file beside that an earlier buffer has read: `twin`
+            Unpacked, ///< of views that meshopt has compressed: the file has no bytes
             Absent
         };
         Kind kind = Kind::Absent;
@@ -48,11 +81,20 @@ struct GltfLayout
         std::string path;     ///< of the file beside
         std::size_t twin = 0; ///< the buffer whose bytes these are
     };
-    /// Samples, directions and tangents of one node: [first, end) of each, and its map
-    /// from its own space to the world's.
+    /// The elements of one accessor in one part, as they became samples (list 0),
+    /// directions (1) or tangents (2).
+    struct Run
+    {
+        std::size_t list = 0, accessor = 0;
+        std::size_t first = 0, end = 0;        ///< in that list of the geometry
+        std::size_t position = 0, samples = 0; ///< accessor and first of its samples
+    };
+    /// One mesh at one place of the scene, and its map from its own space to the world's.
     struct Part
     {
-        std::size_t first[3] = {}, end[3] = {};
+        std::size_t node = 0, mesh = 0;
+        std::optional<std::size_t> gpu_instance; ///< of the node, else it is the only one
+        std::vector<Run> runs;
         Eigen::Affine3d to_world = Eigen::Affine3d::Identity();
         Eigen::Matrix3d of_normals = Eigen::Matrix3d::Identity(); ///< to the world
 
@@ -69,8 +111,23 @@ struct GltfLayout
     TextRange json;                ///< in the file's bytes
     std::uint64_t chunk_start = 0; ///< of the binary chunk's data; 0: none [byte]
     std::vector<Buffer> buffers;
+    std::vector<GltfAccessor> accessors;
     std::vector<Part> parts;
     std::vector<Data> data;
+    /// Of each accessor: how many runs, and what else, read its numbers; 0: no run does.
+    std::vector<std::size_t> uses;
+    bool does_overlap = false; ///< some accessor reads where numbers of another one move
+    bool is_packed = false;    ///< some data are compressed
+    /// Whether all that may move is patched where it stands. Else some of it is written
+    /// elsewhere, see gltf_rebuild.h.
+    bool is_patched = true;
+
+    /// Whether the accessor holds the numbers of one run, in the file and of no other
+    /// use.
+    bool is_own(std::size_t accessor) const
+    {
+        return uses[accessor] == 1 && accessors[accessor].is_plain() && !does_overlap;
+    }
 };
 
 /// What of a glTF is moved, without its numbers: for files larger than the memory.
@@ -104,7 +161,8 @@ struct GltfPlan
 };
 
 /// A plan of \p input. \p file holds its beginning, up to the end of the JSON, and gets
-/// all that scan_gltf() finds but what numbers tell.
+/// all that scan_gltf() finds but what numbers tell. It is to be used only if the layout
+/// says that all is in place.
 GltfPlan plan_gltf(GeometryFile& file, const InputFile& input);
 
 /// A normal or tangent of a node in the world, as long as it was; \p map takes it there.

@@ -11,8 +11,11 @@
 
 #include "io/base64.h"
 #include "io/bytes.h"
+#include "io/draco_mesh.h"
 #include "io/error.h"
+#include "io/meshopt_view.h"
 #include "io/number.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -21,6 +24,9 @@ namespace
 {
 
 namespace fs = std::filesystem;
+
+/// The most bytes that one compressed byte of meshopt can stand for.
+constexpr std::uint64_t kMostOfPackedByte = 64;
 
 /// The numbers of an integer type as the fractions that they stand for.
 double fraction(double value, Scalar type)
@@ -66,7 +72,6 @@ std::string decoded_percents(const std::string& uri)
 struct Span
 {
     std::uint64_t start, end, stride, bytes;
-    std::size_t accessor;
     bool may_change;
 };
 /// Spans with one stride whose elements stand at one place of it: to what comes after
@@ -90,18 +95,18 @@ struct Column
 class Columns
 {
 public:
-    /// One that shares bytes with \p span; null if none does. Forgets what has ended.
-    const Span* clash(const Span& span)
+    /// Whether one shares bytes with \p span. Forgets what has ended.
+    bool clash(const Span& span)
     {
         const Column column(span);
         for (auto it = last_.begin(); it != last_.end();)
             if (it->second.end <= span.start)
                 it = last_.erase(it);
             else if (!it->first.is_beside(column))
-                return &it->second;
+                return true;
             else
                 ++it;
-        return nullptr;
+        return false;
     }
     void add(const Span& span)
     {
@@ -114,7 +119,49 @@ private:
     std::map<Column, Span> last_;
 };
 
+double sparse_index(const GltfSparse& sparse, std::uint64_t i, std::string_view body)
+{
+    return load_stored(body.data() + sparse.indices + i * stored_size(sparse.index_type),
+                       sparse.index_type, false);
+}
+
+double stored(const GltfAccessor& accessor, std::string_view body, std::uint64_t at)
+{
+    const double value = load_stored(body.data() + at, accessor.type, false);
+    return accessor.is_normalised ? fraction(value, accessor.type) : value;
+}
+
+/// Calls load(byte, number) for each element, last for those that are told apart.
+template <class Load>
+void visit_elements(const GltfAccessor& accessor, std::string_view body, Load&& load)
+{
+    for (std::uint64_t i = 0; accessor.has_data && i < accessor.count; ++i)
+        load(accessor.start + i * accessor.stride, static_cast<std::size_t>(i));
+    for (std::uint64_t i = 0; accessor.sparse && i < accessor.sparse->count; ++i)
+        load(accessor.sparse->values + i * accessor.element_bytes(),
+             static_cast<std::size_t>(sparse_index(*accessor.sparse, i, body)));
+}
+
 } // namespace
+
+std::size_t GltfAccessor::element_bytes() const
+{
+    return length * stored_size(type);
+}
+
+std::vector<double> accessor_numbers(const GltfAccessor& accessor, std::string_view body)
+{
+    std::vector<double> numbers(
+        static_cast<std::size_t>(accessor.count) * accessor.length, 0.0);
+    visit_elements(accessor, body,
+                   [&](std::uint64_t at, std::size_t i)
+                   {
+                       for (std::size_t k = 0; k < accessor.length; ++k)
+                           numbers[i * accessor.length + k] = stored(
+                               accessor, body, at + k * stored_size(accessor.type));
+                   });
+    return numbers;
+}
 
 GltfData::GltfData(GeometryFile& file, GltfLayout& layout, GltfPlan* plan,
                    const InputFile* input)
@@ -129,6 +176,7 @@ GltfData::GltfData(GeometryFile& file, GltfLayout& layout, GltfPlan* plan,
     read_buffers();
     read_views();
     read_accessors();
+    unpack_primitives();
 }
 
 void GltfData::fail(const std::string& field, const std::string& what) const
@@ -285,6 +333,7 @@ void GltfData::read_buffers()
         declared_.push_back(size);
         layout_.buffers.push_back(std::move(buffer));
     }
+    file_body_bytes_ = body_bytes_;
 }
 
 void GltfData::read_views()
@@ -309,16 +358,204 @@ void GltfData::read_views()
         if (views[i].contains("byteStride") && (view.stride < 4 || view.stride > 252))
             fail(where,
                  "byteStride: got " + std::to_string(view.stride) + ", need 4 to 252");
-        view.is_compressed = json_->extension(views[i], "EXT_meshopt_compression");
-        const bool is_absent =
-            layout_.buffers[b].kind == GltfLayout::Buffer::Kind::Absent;
-        if (is_absent && view.is_compressed)
-            fail(where, "EXT_meshopt_compression cannot be read");
-        if (is_absent)
+        const GltfJson::Json* const packed =
+            json_->extension(views[i], kMeshoptExtension);
+        view.is_compressed = packed != nullptr;
+        layout_.is_packed = layout_.is_packed || packed;
+        using Kind = GltfLayout::Buffer::Kind;
+        if (packed && layout_.buffers[b].kind == Kind::Absent)
+            make_room(b, where);
+        if (layout_.buffers[b].kind == Kind::Absent)
             fail(element("buffers", b), "has no data");
         view.start = layout_.buffers[b].start + offset;
+        if (packed && layout_.buffers[b].kind == Kind::Unpacked && !plan_)
+            unpack_view(*packed, view, where + ".extensions." + kMeshoptExtension);
         views_.push_back(view);
     }
+}
+
+void GltfData::make_room(std::size_t buffer, const std::string& where)
+{
+    // All together no more than what the file's bytes can stand for.
+    if (declared_[buffer] > (kMostOfPackedByte + 1) * file_body_bytes_ - body_bytes_)
+        fail(element("buffers", buffer) + ".byteLength",
+             "got " + std::to_string(declared_[buffer]) + ", more than " + where +
+                 " and others can hold");
+    GltfLayout::Buffer& room = layout_.buffers[buffer];
+    room.kind = GltfLayout::Buffer::Kind::Unpacked;
+    room.start = body_bytes_;
+    room.size = declared_[buffer];
+    body_bytes_ += room.size;
+    if (!plan_)
+        out_.unpacked.resize(static_cast<std::size_t>(body_bytes_), '\0');
+}
+
+std::string_view GltfData::compressed_bytes(const GltfJson::Json& place,
+                                            const std::string& where) const
+{
+    const GltfJson::Json* const number = json_->find(place, "buffer");
+    if (!number)
+        fail(where + ".buffer", "is missing");
+    const std::size_t b =
+        json_->index_of(*number, where + ".buffer", "buffers", layout_.buffers.size());
+    using Kind = GltfLayout::Buffer::Kind;
+    const GltfLayout::Buffer& buffer = layout_.buffers[b];
+    if (buffer.kind == Kind::Absent || buffer.kind == Kind::Unpacked)
+        fail(element("buffers", b), "has no data");
+    const std::uint64_t offset = json_->count_of(place, "byteOffset", where, 0),
+                        length = json_->count_of(place, "byteLength", where);
+    if (offset > declared_[b] || length > declared_[b] - offset)
+        fail(where, "lies outside of its buffer (bytes " + std::to_string(offset) +
+                        " and " + std::to_string(length) + " more of " +
+                        std::to_string(declared_[b]) + ")");
+    return std::string_view(out_.unpacked)
+        .substr(static_cast<std::size_t>(buffer.start + offset),
+                static_cast<std::size_t>(length));
+}
+
+void GltfData::unpack_view(const GltfJson::Json& packed, const GltfView& view,
+                           const std::string& where)
+{
+    if (!packed.is_object())
+        fail(where, "need an object");
+    static const std::map<std::string, MeshoptView::Mode> modes = {
+        {"ATTRIBUTES", MeshoptView::Mode::Attributes},
+        {"TRIANGLES", MeshoptView::Mode::Triangles},
+        {"INDICES", MeshoptView::Mode::Indices}};
+    static const std::map<std::string, MeshoptView::Filter> filters = {
+        {"NONE", MeshoptView::Filter::None},
+        {"OCTAHEDRAL", MeshoptView::Filter::Octahedral},
+        {"QUATERNION", MeshoptView::Filter::Quaternion},
+        {"EXPONENTIAL", MeshoptView::Filter::Exponential}};
+    MeshoptView what;
+    const auto mode = modes.find(json_->text_of(packed, "mode", where));
+    if (mode == modes.end())
+        fail(where + ".mode", "is unknown");
+    what.mode = mode->second;
+    if (packed.contains("filter"))
+    {
+        const auto filter = filters.find(json_->text_of(packed, "filter", where));
+        if (filter == filters.end())
+            fail(where + ".filter", "is unknown");
+        what.filter = filter->second;
+    }
+    what.count = json_->count_of(packed, "count", where);
+    what.stride = json_->count_of(packed, "byteStride", where);
+    const std::string_view bytes = compressed_bytes(packed, where);
+    if (const std::string fault = what.fault(); !fault.empty())
+        fail(where, fault);
+    if (!what.may_come_from(bytes.size()) || what.count * what.stride > view.length)
+        fail(where, std::to_string(what.count) + " elements of " +
+                        std::to_string(what.stride) + " bytes are more than its " +
+                        std::to_string(bytes.size()) + " bytes and its view can hold");
+    std::string unpacked(static_cast<std::size_t>(what.count * what.stride), '\0');
+    if (!unpack_meshopt(bytes, what, unpacked.data()))
+        fail(where, "cannot be unpacked (damaged, or of another version)");
+    out_.unpacked.replace(static_cast<std::size_t>(view.start), unpacked.size(),
+                          unpacked);
+}
+
+std::size_t GltfData::accessor_of(const GltfJson::Json& value,
+                                  const std::string& where) const
+{
+    return json_->index_of(value, where, "accessors", accessors().size());
+}
+
+void GltfData::unpack_primitives()
+{
+    const GltfJson::Json& meshes = json_->list("meshes");
+    for (std::size_t m = 0; m < meshes.size(); ++m)
+    {
+        const GltfJson::Json* const primitives = json_->find(meshes[m], "primitives");
+        if (!primitives || !primitives->is_array())
+            continue; // the reader of meshes refuses it
+        for (std::size_t p = 0; p < primitives->size(); ++p)
+        {
+            const GltfJson::Json& primitive = (*primitives)[p];
+            const GltfJson::Json* const packed =
+                primitive.is_object() ? json_->extension(primitive, kDracoExtension)
+                                      : nullptr;
+            if (packed)
+                unpack_primitive(primitive, *packed,
+                                 element("meshes", m) + "." + element("primitives", p));
+        }
+    }
+}
+
+void GltfData::unpack_primitive(const GltfJson::Json& primitive,
+                                const GltfJson::Json& packed,
+                                const std::string& primitive_name)
+{
+    layout_.is_packed = true;
+    if (plan_)
+        return;
+    const std::string where = primitive_name + ".extensions." + kDracoExtension;
+    const GltfJson::Json* const ids =
+        packed.is_object() ? json_->find(packed, "attributes") : nullptr;
+    const GltfJson::Json* const attributes = json_->find(primitive, "attributes");
+    const GltfJson::Json* const indices = json_->find(primitive, "indices");
+    if (!ids || !ids->is_object() || !attributes || !attributes->is_object())
+        fail(where + ".attributes", "need an object, beside the primitive's own");
+    std::vector<std::size_t> wanted;
+    DracoWish wish;
+    bool is_all_there = true; // as it is, or unpacked for another primitive
+    for (const auto& [name, id] : ids->items())
+    {
+        const GltfJson::Json* const value = json_->find(*attributes, name.c_str());
+        if (!value)
+            fail(where + ".attributes", "the primitive has no " + in_quotes(name));
+        const std::size_t number = accessor_of(*value, primitive_name + ": " + name);
+        const GltfAccessor& accessor = accessors()[number];
+        if (accessor.length > 4)
+            fail(primitive_name + ": " + name, "has no type that Draco packs");
+        is_all_there = is_all_there && accessor.has_data;
+        if (!wanted.empty() && accessor.count != accessors()[wanted[0]].count)
+            fail(where, "its attributes differ in count (accessors[" +
+                            std::to_string(wanted[0]) + "] and accessors[" +
+                            std::to_string(number) + "])");
+        wanted.push_back(number);
+        wish.attributes.push_back(
+            {json_->count_of(id, where + "." + name), accessor.type, accessor.length});
+        wish.vertices = accessor.count;
+    }
+    if (!indices || wanted.empty())
+        fail(where, "need attributes and indices");
+    const std::size_t number = accessor_of(*indices, primitive_name + ".indices");
+    if (is_all_there && accessors()[number].has_data)
+        return;
+    if (json_->count_of(primitive, "mode", primitive_name, 4) != 4)
+        fail(primitive_name + ".mode", "need triangles (4) for Draco");
+    wish.triangles = accessors()[number].count / 3;
+    wish.index_type = accessors()[number].type;
+    if (accessors()[number].length != 1)
+        fail(primitive_name + ".indices", "need a SCALAR");
+    const GltfView& view = view_of(packed, where);
+    std::string why;
+    std::optional<DracoMesh> mesh =
+        unpacked_draco(std::string_view(out_.unpacked)
+                           .substr(static_cast<std::size_t>(view.start),
+                                   static_cast<std::size_t>(view.length)),
+                       wish, why);
+    if (!mesh)
+        fail(where, why);
+    if (mesh->triangles == 0)
+        fail(where, "holds no triangle");
+    const auto put = [&](std::size_t which, std::uint64_t count, const std::string& bytes)
+    {
+        GltfAccessor& accessor = layout_.accessors[which];
+        if (accessor.has_data)
+            return;
+        accessor.has_data = accessor.is_draco = true;
+        accessor.count = count;
+        accessor.stride = accessor.element_bytes();
+        accessor.start = out_.unpacked.size();
+        out_.unpacked += bytes;
+        out_.unpacked.resize((out_.unpacked.size() + 7) / 8 * 8, '\0');
+    };
+    for (std::size_t k = 0; k < wanted.size(); ++k)
+        put(wanted[k], mesh->vertices, mesh->attributes[k]);
+    put(number, 3 * mesh->triangles, mesh->indices);
+    body_bytes_ = out_.unpacked.size();
 }
 
 std::uint64_t GltfData::start_in(const GltfView& view, std::uint64_t offset,
@@ -367,9 +604,6 @@ const GltfView& GltfData::view_of(const GltfJson::Json& object,
 
 void GltfData::read_accessors()
 {
-    static const std::map<std::string, std::size_t> lengths = {
-        {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
-        {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
     const GltfJson::Json& accessors = json_->list("accessors");
     for (std::size_t i = 0; i < accessors.size(); ++i)
     {
@@ -377,10 +611,9 @@ void GltfData::read_accessors()
         const std::string where = element("accessors", i);
         GltfAccessor accessor;
         accessor.type = component_type(object, where);
-        const auto length = lengths.find(json_->text_of(object, "type", where));
-        if (length == lengths.end())
+        accessor.length = gltf_length(json_->text_of(object, "type", where));
+        if (accessor.length == 0)
             fail(where + ".type", "is unknown");
-        accessor.length = length->second;
         accessor.count = json_->count_of(object, "count", where);
         if (accessor.count == 0)
             fail(where + ".count", "got 0, need at least 1");
@@ -402,7 +635,7 @@ void GltfData::read_accessors()
         }
         if (const GltfJson::Json* sparse = json_->find(object, "sparse"))
             accessor.sparse = read_sparse(*sparse, accessor, where + ".sparse");
-        accessors_.push_back(accessor);
+        layout_.accessors.push_back(accessor);
     }
 }
 
@@ -433,100 +666,71 @@ GltfSparse GltfData::read_sparse(const GltfJson::Json& object,
     return sparse;
 }
 
-double GltfData::stored(std::uint64_t at, const GltfAccessor& accessor) const
-{
-    const double value = load_stored(out_.unpacked.data() + at, accessor.type, false);
-    return accessor.is_normalised ? fraction(value, accessor.type) : value;
-}
-
 void GltfData::check_zeros(std::size_t number) const
 {
-    const GltfAccessor& accessor = accessors_[number];
+    const GltfAccessor& accessor = accessors()[number];
     if (!accessor.has_data && accessor.count > body_bytes_)
         fail(element("accessors", number),
              "has no bufferView (for " + std::to_string(accessor.count) + " elements)");
 }
 
-template <class Load>
-void GltfData::visit_elements(std::size_t number, Load&& load) const
+void GltfData::check_sparse(std::size_t number) const
 {
-    const GltfAccessor& accessor = accessors_[number];
-    for (std::uint64_t i = 0; accessor.has_data && i < accessor.count; ++i)
-        load(accessor.start + i * accessor.stride, static_cast<std::size_t>(i));
-    if (!accessor.sparse)
-        return;
-    const GltfSparse& sparse = *accessor.sparse;
-    for (std::uint64_t i = 0; i < sparse.count; ++i)
+    const GltfAccessor& accessor = accessors()[number];
+    for (std::uint64_t i = 0; accessor.sparse && i < accessor.sparse->count; ++i)
     {
-        const double index = load_stored(out_.unpacked.data() + sparse.indices +
-                                             i * stored_size(sparse.index_type),
-                                         sparse.index_type, false);
+        const double index = sparse_index(*accessor.sparse, i, out_.unpacked);
         if (!(index >= 0 && index < static_cast<double>(accessor.count)))
             fail(element("accessors", number) + ".sparse.indices",
                  "is out of range (got " + shortest(index) + " of " +
                      std::to_string(accessor.count) + ")");
-        load(sparse.values + i * accessor.element_bytes(),
-             static_cast<std::size_t>(index));
     }
 }
 
 std::vector<Eigen::Vector3d> GltfData::values_of(std::size_t number) const
 {
-    const GltfAccessor& accessor = accessors_[number];
+    const GltfAccessor& accessor = accessors()[number];
     check_zeros(number);
+    check_sparse(number);
     std::vector<Eigen::Vector3d> values(static_cast<std::size_t>(accessor.count),
                                         Eigen::Vector3d::Zero());
     const std::size_t length = std::min<std::size_t>(3, accessor.length);
-    visit_elements(number,
+    visit_elements(accessor, out_.unpacked,
                    [&](std::uint64_t at, std::size_t i)
                    {
                        for (std::size_t k = 0; k < length; ++k)
                            values[i][static_cast<Eigen::Index>(k)] =
-                               stored(at + k * stored_size(accessor.type), accessor);
+                               stored(accessor, out_.unpacked,
+                                      at + k * stored_size(accessor.type));
                    });
     return values;
 }
 
 std::vector<double> GltfData::numbers_of(std::size_t number) const
 {
-    const GltfAccessor& accessor = accessors_[number];
     check_zeros(number);
-    std::vector<double> numbers(
-        static_cast<std::size_t>(accessor.count) * accessor.length, 0.0);
-    visit_elements(number,
-                   [&](std::uint64_t at, std::size_t i)
-                   {
-                       for (std::size_t k = 0; k < accessor.length; ++k)
-                           numbers[i * accessor.length + k] =
-                               stored(at + k * stored_size(accessor.type), accessor);
-                   });
-    return numbers;
+    check_sparse(number);
+    return accessor_numbers(accessors()[number], out_.unpacked);
 }
 
-std::string GltfData::overlap(const std::set<std::size_t>& changing) const
+bool GltfData::do_overlap(const std::set<std::size_t>& changing) const
 {
     std::vector<Span> spans;
-    for (std::size_t i = 0; i < accessors_.size(); ++i)
-        if (const GltfAccessor& a = accessors_[i]; a.has_data)
+    for (std::size_t i = 0; i < accessors().size(); ++i)
+        if (const GltfAccessor& a = accessors()[i]; a.has_data)
             spans.push_back({a.start,
                              a.start + (a.count - 1) * a.stride + a.element_bytes(),
-                             a.stride, a.element_bytes(), i, changing.contains(i)});
+                             a.stride, a.element_bytes(), changing.contains(i)});
     std::sort(spans.begin(), spans.end(),
-              [](const Span& a, const Span& b) {
-                  return std::pair(a.start, a.accessor) < std::pair(b.start, b.accessor);
-              });
+              [](const Span& a, const Span& b) { return a.start < b.start; });
     Columns fixed, moving;
     for (const Span& span : spans)
     {
-        const Span* other = moving.clash(span);
-        if (!other && span.may_change)
-            other = fixed.clash(span);
-        if (other)
-            return "accessors[" + std::to_string(other->accessor) + "] and accessors[" +
-                   std::to_string(span.accessor) + "] share bytes";
+        if (moving.clash(span) || (span.may_change && fixed.clash(span)))
+            return true;
         (span.may_change ? moving : fixed).add(span);
     }
-    return {};
+    return false;
 }
 
 } // namespace cellwarp

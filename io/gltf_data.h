@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
@@ -25,29 +26,7 @@ struct GltfView
 {
     std::uint64_t start = 0, length = 0; ///< in the unpacked buffers [byte]
     std::uint64_t stride = 0;            ///< 0: elements stand one after the other
-    bool is_compressed = false;          ///< what stands there is only a fallback
-};
-
-struct GltfSparse
-{
-    std::uint64_t count = 0, indices = 0, values = 0; ///< starts [byte]
-    Scalar index_type = Scalar::UInt8;
-};
-
-struct GltfAccessor
-{
-    Scalar type = Scalar::Float32;
-    std::size_t length = 1; ///< numbers of an element
-    std::uint64_t count = 0, start = 0, stride = 0;
-    bool is_normalised = false, is_compressed = false;
-    bool has_data = false; ///< else it is all zeros
-    std::optional<GltfSparse> sparse;
-
-    std::size_t element_bytes() const { return length * stored_size(type); }
-    bool is_plain() const
-    {
-        return has_data && !sparse && !is_compressed && type == Scalar::Float32;
-    }
+    bool is_compressed = false;          ///< in the file, by meshopt
 };
 
 /// Of a whole file: its buffers go to Geometry::unpacked. With a plan it takes no
@@ -60,8 +39,9 @@ public:
              const InputFile* input);
 
     const GltfJson& json() const { return *json_; }
-    const std::vector<GltfAccessor>& accessors() const { return accessors_; }
-    std::uint64_t body_bytes() const { return body_bytes_; } ///< of all buffers
+    const std::vector<GltfAccessor>& accessors() const { return layout_.accessors; }
+    /// Of all buffers, and of what is unpacked.
+    std::uint64_t body_bytes() const { return body_bytes_; }
 
     /// Zeros take no bytes in the file: they must not take many here.
     void check_zeros(std::size_t number) const;
@@ -69,9 +49,9 @@ public:
     std::vector<Eigen::Vector3d> values_of(std::size_t number) const;
     /// All numbers of all elements.
     std::vector<double> numbers_of(std::size_t number) const;
-    /// Two accessors of which one reads where numbers of the other change, in words;
-    /// empty: none. \p changing: those whose numbers do.
-    std::string overlap(const std::set<std::size_t>& changing) const;
+    /// Whether some accessor reads where numbers of another one change. \p changing:
+    /// those whose numbers do.
+    bool do_overlap(const std::set<std::size_t>& changing) const;
 
 private:
     [[noreturn]] void fail(const std::string& field, const std::string& what) const;
@@ -82,6 +62,17 @@ private:
                             GltfLayout::Buffer& buffer);
     void read_buffers();
     void read_views();
+    /// The bytes of a view that is not read yet, as they stand in the file.
+    std::string_view compressed_bytes(const GltfJson::Json& place,
+                                      const std::string& where) const;
+    /// Gives a buffer that the file does not hold its bytes, all zero.
+    void make_room(std::size_t buffer, const std::string& where);
+    void unpack_view(const GltfJson::Json& packed, const GltfView& view,
+                     const std::string& where);
+    void unpack_primitives();
+    void unpack_primitive(const GltfJson::Json& primitive, const GltfJson::Json& packed,
+                          const std::string& where);
+    std::size_t accessor_of(const GltfJson::Json& value, const std::string& where) const;
     /// Where \p count elements of \p bytes start in a view, checked against its end.
     std::uint64_t start_in(const GltfView& view, std::uint64_t offset,
                            std::uint64_t stride, std::uint64_t count, std::uint64_t bytes,
@@ -91,10 +82,8 @@ private:
     void read_accessors();
     GltfSparse read_sparse(const GltfJson::Json& object, const GltfAccessor& accessor,
                            const std::string& where) const;
-    double stored(std::uint64_t at, const GltfAccessor& accessor) const;
-    /// Calls load(byte, number) for each element, last for those that are told apart.
-    template <class Load>
-    void visit_elements(std::size_t number, Load&& load) const;
+    /// That the elements that are told apart are there.
+    void check_sparse(std::size_t number) const;
 
     GeometryFile& file_;
     Geometry& out_;
@@ -107,8 +96,8 @@ private:
     std::vector<std::uint64_t> declared_;               ///< byteLength of the buffers
     std::map<std::string, std::size_t> buffer_of_file_; ///< the first that names it
     std::vector<GltfView> views_;
-    std::vector<GltfAccessor> accessors_;
-    std::uint64_t body_bytes_ = 0; ///< of all buffers up to here
+    std::uint64_t body_bytes_ = 0;      ///< of all buffers up to here
+    std::uint64_t file_body_bytes_ = 0; ///< of those that the file holds
 };
 
 } // namespace cellwarp

@@ -21,14 +21,26 @@ bool is_known_extension(const std::string& name)
         "KHR_materials_", "KHR_texture_", "EXT_texture_",  "KHR_lights_",
         "EXT_lights_",    "KHR_xmp",      "KHR_animation_"};
     static constexpr std::string_view names[] = {
-        "KHR_mesh_quantization", "KHR_node_visibility", "MSFT_texture_dds",
-        "EXT_mesh_gpu_instancing"};
+        "KHR_mesh_quantization",   "KHR_node_visibility",
+        "MSFT_texture_dds",        "EXT_mesh_gpu_instancing",
+        "EXT_meshopt_compression", "KHR_draco_mesh_compression"};
     return std::find(std::begin(names), std::end(names), name) != std::end(names) ||
            std::any_of(std::begin(prefixes), std::end(prefixes),
                        [&](std::string_view prefix) { return name.starts_with(prefix); });
 }
 
 } // namespace
+
+std::size_t gltf_length(std::string_view type)
+{
+    static constexpr std::pair<std::string_view, std::size_t> lengths[] = {
+        {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
+        {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
+    for (const auto& [name, length] : lengths)
+        if (name == type)
+            return length;
+    return 0;
+}
 
 std::string element(const char* list, std::size_t i)
 {

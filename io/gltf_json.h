@@ -19,6 +19,11 @@
 namespace cellwarp
 {
 
+/// Extensions that change what is read.
+inline constexpr const char* kMeshoptExtension = "EXT_meshopt_compression";
+inline constexpr const char* kDracoExtension = "KHR_draco_mesh_compression";
+inline constexpr const char* kInstancingExtension = "EXT_mesh_gpu_instancing";
+
 /// Every error is Fault::Malformed and names the file and the field.
 class GltfJson
 {
@@ -129,6 +134,9 @@ private:
     std::string path_;
     Json root_;
 };
+
+/// Numbers of an element of an accessor of such a type; 0: there is none.
+std::size_t gltf_length(std::string_view type);
 
 /// "meshes[3]"
 std::string element(const char* list, std::size_t i);

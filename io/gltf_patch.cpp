@@ -15,6 +15,7 @@
 
 #include "io/base64.h"
 #include "io/error.h"
+#include "io/gltf_rebuild.h"
 #include "io/number.h"
 #include "io/packed.h"
 #include "io/stored_number.h"
@@ -35,39 +36,6 @@ struct Replacement
     std::string text;
 };
 
-/// The vectors as the buffers have them.
-std::vector<Eigen::Vector3d> stored_vectors(const ByteOffsets& places,
-                                            const std::string& body)
-{
-    std::vector<Eigen::Vector3d> vectors(places.starts.size() / 3);
-    for (std::size_t i = 0; i < places.starts.size(); ++i)
-        vectors[i / 3][static_cast<Eigen::Index>(i % 3)] =
-            load_stored(body.data() + places.starts[i], Scalar::Float32, false);
-    return vectors;
-}
-
-/// Puts the vectors of a list that change into the body: \p to_node takes a vector of
-/// the world into the space of its part.
-template <class ToNode>
-void patch_vectors(const GeometryFile& file, int list, const ByteOffsets& places,
-                   const std::vector<Eigen::Vector3d>& before,
-                   const std::vector<Eigen::Vector3d>& after, ToNode&& to_node,
-                   std::string& body)
-{
-    if (after.empty())
-        return;
-    const std::vector<Eigen::Vector3d> stored = stored_vectors(places, body);
-    std::vector<Eigen::Vector3d> local = stored;
-    for (const GltfLayout::Part& part : file.gltf->parts)
-    {
-        const GltfToNode map(part);
-        for (std::size_t i = part.first[list]; i < part.end[list]; ++i)
-            if (after[i] != before[i])
-                local[i] = to_node(map, after[i]);
-    }
-    overwrite_changed(places, numbers_of(stored), numbers_of(local), file.path, body);
-}
-
 Eigen::Vector3d with_length_of(const Eigen::Vector3d& vector,
                                const Eigen::Vector3d& other)
 {
@@ -75,21 +43,93 @@ Eigen::Vector3d with_length_of(const Eigen::Vector3d& vector,
     return length > 0 ? Eigen::Vector3d(vector * (other.norm() / length)) : vector;
 }
 
-void patch_body(const GeometryFile& file, const DeformedSamples& patch, std::string& body)
+/// What becomes of one list of samples, directions or tangents.
+struct Motion
+{
+    const std::vector<Eigen::Vector3d>&before, &after;
+    const std::vector<std::uint32_t>* samples; ///< of each; null: they are the samples
+};
+
+/// A vector of the world as the node has it.
+Eigen::Vector3d to_node(const GltfToNode& map, std::size_t list, const Eigen::Vector3d& x)
+{
+    return list == 0 ? map.sample(x) : list == 1 ? map.direction(x) : map.tangent(x);
+}
+
+/// Calls put(element, vector) for each element of a run that changes.
+template <class Put>
+void for_each_moved(const GltfLayout::Run& run, const Motion& motion,
+                    const GltfToNode& map, Put&& put)
+{
+    if (motion.after.empty())
+        return;
+    for (std::size_t i = run.first; i < run.end; ++i)
+        if (motion.after[i] != motion.before[i])
+            put((motion.samples ? (*motion.samples)[i] : i) - run.samples,
+                to_node(map, run.list, motion.after[i]));
+}
+
+/// Puts what changes into \p body where it has a place of its own. What has none is given
+/// back.
+std::vector<MovedRun> patch_body(const GeometryFile& file, const DeformedSamples& patch,
+                                 std::string& body)
 {
     const Geometry& geometry = file.geometry;
-    patch_vectors(
-        file, 0, geometry.sample_places, geometry.samples, patch.samples,
-        [](const GltfToNode& map, const Eigen::Vector3d& x) { return map.sample(x); },
-        body);
-    patch_vectors(
-        file, 1, geometry.direction_places, geometry.directions, patch.directions,
-        [](const GltfToNode& map, const Eigen::Vector3d& n) { return map.direction(n); },
-        body);
-    patch_vectors(
-        file, 2, geometry.tangent_places, geometry.tangents, patch.tangents,
-        [](const GltfToNode& map, const Eigen::Vector3d& t) { return map.tangent(t); },
-        body);
+    const GltfLayout& layout = *file.gltf;
+    const Motion motions[] = {
+        {geometry.samples, patch.samples, nullptr},
+        {geometry.directions, patch.directions, &geometry.direction_samples},
+        {geometry.tangents, patch.tangents, &geometry.tangent_samples}};
+    std::vector<MovedRun> moved;
+    for (std::size_t p = 0; p < layout.parts.size(); ++p)
+    {
+        const GltfLayout::Part& part = layout.parts[p];
+        const GltfToNode map(part);
+        for (const GltfLayout::Run& run : part.runs)
+        {
+            const GltfAccessor& accessor = layout.accessors[run.accessor];
+            const auto write = [&](double value, std::uint64_t place, char* bytes)
+            {
+                if (!overwrite_stored(value, Scalar::Float32, false, bytes))
+                    throw does_not_fit(file.path, place, value);
+            };
+            if (layout.is_own(run.accessor))
+            {
+                for_each_moved(run, motions[run.list], map,
+                               [&](std::size_t element, const Eigen::Vector3d& x)
+                               {
+                                   for (std::size_t k = 0; k < 3; ++k)
+                                   {
+                                       const std::uint64_t place =
+                                           accessor.start + element * accessor.stride +
+                                           k * sizeof(float);
+                                       write(x[static_cast<Eigen::Index>(k)], place,
+                                             body.data() + place);
+                                   }
+                               });
+                continue;
+            }
+            std::string before, after;
+            for_each_moved(run, motions[run.list], map,
+                           [&](std::size_t element, const Eigen::Vector3d& x)
+                           {
+                               if (after.empty())
+                               {
+                                   for (const double value :
+                                        accessor_numbers(accessor, geometry.unpacked))
+                                       store(value, Scalar::Float32, false, before);
+                                   after = before;
+                               }
+                               for (std::size_t k = 0; k < 3; ++k)
+                                   write(x[static_cast<Eigen::Index>(k)], accessor.start,
+                                         after.data() + (element * accessor.length + k) *
+                                                            sizeof(float));
+                           });
+            if (after != before)
+                moved.push_back({p, run, std::move(after)});
+        }
+    }
+    return moved;
 }
 
 /// Whether some element of an accessor has changed.
@@ -104,6 +144,20 @@ bool has_changed(const GltfLayout::Data& data, std::string_view before,
             return true;
     }
     return false;
+}
+
+std::vector<GltfBounds> changed_bounds(const GltfLayout& layout, std::string_view before,
+                                       std::string_view after)
+{
+    std::vector<GltfBounds> bounds;
+    for (const GltfLayout::Data& data : layout.data)
+        if (has_changed(data, before, after))
+        {
+            GltfBounds& found = bounds.emplace_back(data);
+            for (std::uint64_t i = 0; i < data.count; ++i)
+                found.add(after.data() + data.start + i * data.stride);
+        }
+    return bounds;
 }
 
 void replace_bounds(std::string_view json, TextRange accessor, const GltfBounds& found,
@@ -317,24 +371,20 @@ PatchedGltf patched_gltf(const GeometryFile& file, const DeformedSamples& patch,
     const Geometry& geometry = file.geometry;
     const GltfLayout& layout = *file.gltf;
     std::string body = geometry.unpacked;
+    std::vector<MovedRun> moved;
     if (geometry.not_writable.empty())
-        patch_body(file, patch, body);
+        moved = patch_body(file, patch, body);
     else if (patch.samples != geometry.samples)
         throw malformed({file.path, 0, ""},
                         "cannot be written: " + geometry.not_writable);
     const bool has_names = !output.empty() && num_beside(layout) > 0;
-    if (body == geometry.unpacked && !has_names)
+    if (moved.empty() && body == geometry.unpacked && !has_names)
         return {file.bytes, {}};
 
-    std::vector<GltfBounds> bounds;
-    for (const GltfLayout::Data& data : layout.data)
-        if (has_changed(data, geometry.unpacked, body))
-        {
-            GltfBounds& found = bounds.emplace_back(data);
-            for (std::uint64_t i = 0; i < data.count; ++i)
-                found.add(body.data() + data.start + i * data.stride);
-        }
-
+    const std::vector<GltfBounds> bounds =
+        changed_bounds(layout, geometry.unpacked, body);
+    if (!moved.empty())
+        return rebuilt_gltf(file, std::move(body), bounds, moved, output);
     PatchedGltf result;
     const std::vector<std::string> paths =
         has_names ? companion_paths(layout, output) : std::vector<std::string>();

@@ -2,17 +2,23 @@
 // All buffers are copied to a temporary file and moved there; then the bounds are known,
 // the JSON can be written, and the buffers are copied behind or beside it. What is moved
 // is read from the input, where it is as it was.
+//
+// A file whose moved numbers have no place of their own in it (gltf_rebuild.h) is read
+// and written whole: they have to be unpacked in memory, and how many of its instances
+// get meshes of their own is known in the end.
 #include "io/gltf_stream.h"
 
 #include <algorithm>
 #include <cstring>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <utility>
 
 #include "io/error.h"
 #include "io/geometry_output.h"
 #include "io/gltf.h"
+#include "io/gltf_memory.h"
 #include "io/number.h"
 #include "io/packed.h"
 #include "io/scanner.h"
@@ -32,6 +38,11 @@ using Kind = GltfLayout::Buffer::Kind;
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t(1) << 28;
 /// Of its values, in memory [byte per byte of the text].
 constexpr double kMemoryPerJsonByte = 16.0;
+/// Of files that are read whole, for each byte of them and of what they unpack to.
+constexpr double kMemoryPerByte = 8.0;
+/// Samples of such a file that are moved at a time: enough that lists around them are no
+/// matter.
+constexpr std::size_t kSamplesAtOnce = 16384;
 /// Magic word, version, length; length and type of the JSON chunk.
 constexpr std::uint64_t kGlbHeadBytes = 20;
 
@@ -72,6 +83,7 @@ public:
 
 private:
     void read_beginning();
+    void check_memory(const std::string& why, double memory) const;
     void read_source(std::uint64_t start, char* bytes, std::size_t count) const;
     bool copy_buffers();
     void check_indices() const;
@@ -81,12 +93,16 @@ private:
                       Elements& elements, std::vector<Eigen::Vector3d>& vectors,
                       std::vector<std::uint32_t>& samples,
                       std::vector<Eigen::Vector3d>& stored, ByteOffsets& places) const;
+    void read_whole();
+    StreamReport run_whole();
+    bool move_whole(DeformedSamples& patch) const;
     void move_elements(Elements& elements, const Range& range) const;
     bool move();
     void overwrite(const std::vector<Change>& changes);
     std::vector<GltfBounds> find_bounds() const;
     std::vector<std::string> uris() const;
     void write();
+    void complete_report();
     void put(OutputFile& file, std::string_view bytes);
     void copy_body(const GltfLayout::Buffer& buffer, OutputFile& file);
     void show(double done) const;
@@ -116,6 +132,8 @@ GltfStream::GltfStream(const std::string& input, const std::string& output,
     read_beginning();
     check_content(input, format, file_.bytes, 0);
     plan_ = plan_gltf(file_, input_);
+    if (!file_.gltf->is_patched)
+        read_whole();
     if (!file_.geometry.not_writable.empty())
         throw malformed({input, 0, ""},
                         "cannot be written: " + file_.geometry.not_writable);
@@ -128,6 +146,40 @@ GltfStream::GltfStream(const std::string& input, const std::string& output,
         beside_.push_back(&outputs.add(path));
     // The file comes last, so that what it names is there.
     output_ = &outputs.add(output);
+}
+
+void GltfStream::read_whole()
+{
+    std::uint64_t bytes = input_.size();
+    for (const GltfPlan::Source& source : plan_.sources)
+        bytes += source.file ? source.file->size() : 0;
+    const double memory =
+        kMemoryPerByte *
+        (static_cast<double>(bytes) +
+         unpacked_gltf_bytes(std::string_view(file_.bytes)
+                                 .substr(file_.gltf->json.begin,
+                                         file_.gltf->json.end - file_.gltf->json.begin)));
+    check_memory(
+        "it is compressed, or some numbers belong to several of its nodes; so it "
+        "is read whole",
+        memory);
+    GeometryFile file{file_.path, {}, {}};
+    file.geometry.format = file_.geometry.format;
+    file.bytes.resize(static_cast<std::size_t>(input_.size()));
+    input_.read_at(0, file.bytes.data(), file.bytes.size());
+    scan_gltf(file);
+    check_magnitude(file.path, file.geometry);
+    file_ = std::move(file);
+    plan_ = {};
+}
+
+void GltfStream::check_memory(const std::string& why, double memory) const
+{
+    if (options_.max_whole_memory > 0 && memory > options_.max_whole_memory)
+        throw Error(Fault::Budget,
+                    at({file_.path, 0, ""},
+                       why + " and needs about " + in_bytes(memory) + " (limit " +
+                           in_bytes(options_.max_whole_memory) + ")"));
 }
 
 void GltfStream::read_beginning()
@@ -149,12 +201,8 @@ void GltfStream::read_beginning()
                     at({file_.path, 0, ""},
                        "its JSON is read whole, and is longer than 256 MB (need buffers "
                        "beside it, or a .glb)"));
-    const double memory = kMemoryPerJsonByte * static_cast<double>(json);
-    if (options_.max_json_memory > 0 && memory > options_.max_json_memory)
-        throw Error(Fault::Budget,
-                    at({file_.path, 0, ""},
-                       "its JSON is read whole and needs about " + in_bytes(memory) +
-                           " (limit " + in_bytes(options_.max_json_memory) + ")"));
+    check_memory("its JSON is read whole",
+                 kMemoryPerJsonByte * static_cast<double>(json));
     file_.bytes.resize(static_cast<std::size_t>(count));
     input_.read_at(0, file_.bytes.data(), file_.bytes.size());
 }
@@ -415,6 +463,7 @@ bool GltfStream::move()
         [&](Elements& elements, std::uint64_t i)
         {
             elements.geometry.samples_before = num_samples_;
+            elements.geometry.sample_places.starts.clear(); // they are told by number
             if (elements.is_too_far)
                 check_magnitude(file_.path, elements.geometry);
             num_samples_ += elements.geometry.samples.size();
@@ -537,8 +586,109 @@ void GltfStream::show(double done) const
         work_.progress(done);
 }
 
+/// What belongs to a range of samples, of all vectors of one kind.
+class Hangers
+{
+public:
+    Hangers(const std::vector<std::uint32_t>& samples,
+            std::vector<Eigen::Vector3d>& moved)
+        : samples_(samples), moved_(moved), order_(samples.size())
+    {
+        std::iota(order_.begin(), order_.end(), std::size_t(0));
+        std::stable_sort(order_.begin(), order_.end(),
+                         [&](std::size_t a, std::size_t b)
+                         { return samples[a] < samples[b]; });
+    }
+    /// Those of the samples [first, end).
+    struct Part
+    {
+        std::vector<std::uint32_t> samples; ///< counted from the first
+        std::vector<Eigen::Vector3d> vectors;
+        std::size_t begin = 0;
+    };
+    Part of(std::size_t first, std::size_t end) const
+    {
+        const auto begin =
+            std::partition_point(order_.begin(), order_.end(),
+                                 [&](std::size_t i) { return samples_[i] < first; });
+        Part part;
+        part.begin = static_cast<std::size_t>(begin - order_.begin());
+        for (auto at = begin; at != order_.end() && samples_[*at] < end; ++at)
+        {
+            part.samples.push_back(static_cast<std::uint32_t>(samples_[*at] - first));
+            part.vectors.push_back(moved_[*at]);
+        }
+        return part;
+    }
+    void put_back(const Part& part)
+    {
+        for (std::size_t i = 0; i < part.vectors.size(); ++i)
+            moved_[order_[part.begin + i]] = part.vectors[i];
+    }
+
+private:
+    const std::vector<std::uint32_t>& samples_;
+    std::vector<Eigen::Vector3d>& moved_;
+    std::vector<std::size_t> order_; ///< by samples
+};
+
+bool GltfStream::move_whole(DeformedSamples& patch) const
+{
+    const Geometry& geometry = file_.geometry;
+    Hangers directions(geometry.direction_samples, patch.directions),
+        tangents(geometry.tangent_samples, patch.tangents);
+    const std::size_t count = patch.samples.size(),
+                      ranges = (count + kSamplesAtOnce - 1) / kSamplesAtOnce;
+    struct Nothing
+    {
+    };
+    return run_ranges<Nothing>(
+        ranges, options_.parts_at_once, work_,
+        [&](Nothing&, std::uint64_t i)
+        {
+            const std::size_t first = static_cast<std::size_t>(i) * kSamplesAtOnce,
+                              end = std::min(count, first + kSamplesAtOnce);
+            Hangers::Part normals = directions.of(first, end),
+                          along = tangents.of(first, end);
+            work_.move({std::span(patch.samples).subspan(first, end - first),
+                        normals.samples, normals.vectors, along.samples, along.vectors});
+            directions.put_back(normals);
+            tangents.put_back(along);
+        },
+        [&](Nothing&, std::uint64_t i)
+        { show(0.1 + 0.7 * static_cast<double>(i + 1) / static_cast<double>(ranges)); });
+}
+
+StreamReport GltfStream::run_whole()
+{
+    const Geometry& geometry = file_.geometry;
+    DeformedSamples patch{geometry.samples, geometry.directions, geometry.tangents};
+    if (!move_whole(patch))
+    {
+        report_.is_stopped = true;
+        return std::move(report_);
+    }
+    const PatchedGltf result = patched_gltf(file_, patch, output_path_);
+    for (std::size_t k = 0; k < beside_.size(); ++k)
+        put(*beside_[k], result.companions[k].bytes);
+    put(*output_, result.bytes);
+    input_.check_unchanged();
+    num_samples_ = geometry.samples.size();
+    complete_report();
+    return std::move(report_);
+}
+
+void GltfStream::complete_report()
+{
+    report_.samples = num_samples_;
+    report_.warnings = std::move(file_.geometry.warnings);
+}
+
 StreamReport GltfStream::run()
 {
+    if (!file_.gltf->is_patched)
+        return run_whole();
+
     if (work_.stop.stop_requested() || !copy_buffers())
     {
         report_.is_stopped = true;
@@ -556,8 +706,7 @@ StreamReport GltfStream::run()
         if (source.file)
             source.file->check_unchanged();
     warn_of_bad_vectors(file_.path, num_bad_vectors_, file_.geometry);
-    report_.samples = num_samples_;
-    report_.warnings = std::move(file_.geometry.warnings);
+    complete_report();
     return std::move(report_);
 }
 

@@ -55,8 +55,9 @@ struct StreamOptions
     std::size_t parts_at_once = 4;                 ///< likewise
     /// Records of which a file larger than memory sorts at once; likewise.
     std::size_t sort_records = std::size_t(1) << 20;
-    /// Memory that the JSON of a glTF may take, which is read whole [byte]; 0: no limit.
-    double max_json_memory = 0.0;
+    /// Memory that the JSON of a glTF may take, and a glTF that is read whole [byte]; 0:
+    /// no limit.
+    double max_whole_memory = 0.0;
 };
 
 struct StreamReport

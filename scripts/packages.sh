@@ -3,7 +3,7 @@
 # Installs the Debian packages that are missing, and says so. Sourced by run and test.
 packages="g++ cmake ninja-build libeigen3-dev libsuitesparse-dev libopenblas-dev
     liblapacke-dev libtbb-dev libnanoflann-dev libcgal-dev libcli11-dev nlohmann-json3-dev libfmt-dev
-    zlib1g-dev liblzf-dev libxxhash-dev libembree-dev libstb-dev libglfw3-dev libimgui-dev libgl-dev
+    zlib1g-dev liblzf-dev libdraco-dev libmeshoptimizer-dev libxxhash-dev libembree-dev libstb-dev libglfw3-dev libimgui-dev libgl-dev
     fonts-dejavu-core xvfb xdotool libassimp-dev libgtest-dev python3 clang-format ccache"
 missing=""
 for package in $packages; do

@@ -70,7 +70,7 @@ void set_sizes(const ApplySettings& settings, StreamOptions& options)
                                 "(limit {})",
                                 jobs, in_bytes(jobs * bytes()),
                                 in_bytes(settings.max_memory)));
-    options.max_json_memory = share;
+    options.max_whole_memory = share;
 }
 
 StreamReport stream_file(const Deformation& deformation, const BatchFile& file,

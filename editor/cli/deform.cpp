@@ -442,7 +442,8 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         std::make_shared<GeometryFile>(read_geometry(request.model, request.read));
     // The mesh of a skinned glTF, posed by joints, is written as one that moves.
     const bool is_patched =
-        model->geometry.not_writable.empty() || !has_joints(*request.handles);
+        !has_joints(*request.handles) ||
+        (model->geometry.not_writable.empty() && !is_skinned(model->geometry));
     const bool moves = is_animation_format(extension_of(name.of(0)),
                                            model->geometry.format, is_patched) &&
                        !name.has_frame() && !frames.empty();

@@ -80,7 +80,8 @@ bool is_animation(const SimulateFlags& flags, const InTime& in_time)
     return in_time.model() && !in_time.is_static() &&
            is_animation_format(extension_of(flags.output),
                                in_time.model()->geometry.format,
-                               in_time.model()->geometry.not_writable.empty());
+                               in_time.model()->geometry.not_writable.empty() &&
+                                   !is_skinned(in_time.model()->geometry));
 }
 
 void check_model_output(const SimulateFlags& flags, const InTime& in_time,

@@ -20,6 +20,7 @@
 
 #include "editor/session/large_heap.h"
 #include "io/error.h"
+#include "io/gltf_memory.h"
 #include "io/number.h"
 #include "io/text.h"
 
@@ -38,6 +39,8 @@ constexpr double kShare = 0.7, kBytesPerKilobyte = 1024.0;
 constexpr std::pair<std::string_view, double> kOfFiles[] = {
     {"obj", 3.8}, {"off", 3.8}, {"ply", 5.3}, {"stl", 8.9}};
 constexpr double kOfOtherFiles = 1.9;
+/// For each byte that compressed data of a glTF unpack to.
+constexpr double kOfUnpacked = 8.0;
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
 /// Memory that values of JSON text need beside the text, as measured: a member of an
@@ -76,22 +79,29 @@ private:
     double bytes_ = 0.0;
 };
 
+/// Where a glTF file of \p size has its JSON: start and length [byte].
+std::pair<double, double> json_of(const std::string& path, double size)
+{
+    if (extension_of(path) != "glb")
+        return {0.0, size};
+    // Magic word, version, length; length and type of the JSON.
+    std::array<std::uint32_t, 5> head{};
+    std::ifstream file(path, std::ios::binary);
+    if (!file.read(reinterpret_cast<char*>(head.data()), sizeof head))
+        return {0.0, 0.0};
+    const double start = sizeof head;
+    return {start, std::min(size - start, static_cast<double>(head[3]))};
+}
+
 /// Memory that the JSON of a glTF file of \p size needs beside its text [byte]. The text
 /// is read only where the most that it can need is more than \p room.
 double bytes_of_json(const std::string& path, double size, double room)
 {
-    std::ifstream file(path, std::ios::binary);
-    double left = size;
-    if (extension_of(path) == "glb")
-    {
-        // Magic word, version, length; length and type of the JSON.
-        std::array<std::uint32_t, 5> head{};
-        if (!file.read(reinterpret_cast<char*>(head.data()), sizeof head))
-            return 0.0;
-        left = std::min(size, static_cast<double>(head[3]));
-    }
+    auto [start, left] = json_of(path, size);
     if (kMostOfJson * left <= room)
         return kMostOfJson * left;
+    std::ifstream file(path, std::ios::binary);
+    file.seekg(static_cast<std::streamoff>(start));
     JsonSize json;
     std::string part;
     while (left > 0.0 && file)
@@ -103,6 +113,18 @@ double bytes_of_json(const std::string& path, double size, double room)
         left -= static_cast<double>(part.size());
     }
     return json.bytes();
+}
+
+/// What the compressed data of a glTF file of \p size take unpacked, as the file says
+/// [byte]. Its JSON has room.
+double unpacked_bytes(const std::string& path, double size)
+{
+    const auto [start, length] = json_of(path, size);
+    std::string json(static_cast<std::size_t>(length), '\0');
+    std::ifstream file(path, std::ios::binary);
+    file.seekg(static_cast<std::streamoff>(start));
+    file.read(json.data(), static_cast<std::streamsize>(json.size()));
+    return unpacked_gltf_bytes(json);
 }
 
 /// The files of a control group, by its version.
@@ -284,8 +306,12 @@ void check_memory_of_file(const std::string& path, double max_memory)
             factor = times;
     double more = factor * static_cast<double>(size);
     if (extension == "gltf" || extension == "glb")
+    {
         more += bytes_of_json(path, static_cast<double>(size),
                               max_memory - resident_memory() - more);
+        if (memory_with(more, max_memory) <= max_memory)
+            more += kOfUnpacked * unpacked_bytes(path, static_cast<double>(size));
+    }
     const double bytes = memory_with(more, max_memory);
     if (bytes > max_memory)
         throw Error(Fault::Budget,

@@ -797,7 +797,9 @@ TEST(Cli, a_gltf_that_cannot_be_written_is_told_before_any_work)
     const auto gltf = [](const std::string& nodes, const std::string& uri)
     {
         return R"({"asset":{"version":"2.0"},"nodes":[)" + nodes +
-               R"(],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],)"
+               R"(],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]},)"
+               R"({"primitives":[{"attributes":{"POSITION":0},)"
+               R"("targets":[{"POSITION":0}]}]}],)"
                R"("accessors":[{"bufferView":0,"componentType":5126,"count":3,)"
                R"("type":"VEC3"}],"bufferViews":[{"buffer":0,"byteLength":36}],)"
                R"("buffers":[{"byteLength":36,"uri":")" +
@@ -806,18 +808,19 @@ TEST(Cli, a_gltf_that_cannot_be_written_is_told_before_any_work)
     const auto deform = [&](const std::string& model, const std::string& out) {
         return run({"deform", model, "--handles", files.handles, "-o", out});
     };
-    const std::string twice =
-        files.folder.write("twice.gltf", gltf(R"({"mesh":0,"name":"left"},{"mesh":0})",
-                                              "data:;base64," + std::string(48, 'A')));
-    const nlohmann::json info = nlohmann::json::parse(run({"info", "--json", twice}).out);
+    const std::string shapes =
+        files.folder.write("shapes.gltf", gltf(R"({"mesh":1,"name":"left"},{"mesh":0})",
+                                               "data:;base64," + std::string(48, 'A')));
+    const nlohmann::json info =
+        nlohmann::json::parse(run({"info", "--json", shapes}).out);
     EXPECT_EQ(info["samples"], 6);
     EXPECT_EQ(info["writable"], false);
     EXPECT_TRUE(
-        contains(run({"info", twice}).out, "nodes[0] 'left': its mesh has sever"));
-    Result result = deform(twice, files.folder / "out.gltf");
+        contains(run({"info", shapes}).out, "nodes[0] 'left': its mesh has morph"));
+    Result result = deform(shapes, files.folder / "out.gltf");
     EXPECT_EQ(result.code, 3);
-    EXPECT_TRUE(contains(result.err, "twice.gltf: cannot be written: nodes[0] 'left'"));
-    EXPECT_EQ(deform(twice, files.folder / "out.glb").code, 2);
+    EXPECT_TRUE(contains(result.err, "shapes.gltf: cannot be written: nodes[0] 'left'"));
+    EXPECT_EQ(deform(shapes, files.folder / "out.glb").code, 2);
 
     files.folder.write("a.bin", std::string(36, '\0'));
     const std::string beside =

@@ -131,20 +131,21 @@ TEST(SimulateCommand, says_what_it_cannot_do)
     EXPECT_EQ(nothing.code, 3);
     EXPECT_TRUE(contains(nothing.err, "simulate: is missing: there is nothing to"))
         << nothing.err;
-    // Its mesh stands twice: it can be read, and not be written.
-    folder.write("twice.gltf",
+    // Its mesh has shapes: it can be read, and not be written.
+    folder.write("shapes.gltf",
                  R"({"asset":{"version":"2.0"},"nodes":[{"mesh":0},{"mesh":0}],
-        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0},
+        "targets":[{"POSITION":0}]}]}],
         "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
         "bufferViews":[{"buffer":0,"byteLength":36}],
         "buffers":[{"byteLength":36,"uri":"data:;base64,)" +
                      std::string(48, 'A') + R"("}]})");
-    const std::string twice =
-        folder.write("twice.json", R"({"cellwarp": 1, "model": "twice.gltf",
+    const std::string shapes =
+        folder.write("shapes.json", R"({"cellwarp": 1, "model": "shapes.gltf",
         "rods": [{"through": [[0,0,0],[1,0,0]], "fixed": [{"at": 0}], "carries": true}],
         "simulate": {"dt": 0.01, "duration": 0.03, "every": 0.01}})");
     const Result unwritable =
-        run({"simulate", twice, "-o", folder / "twice-{frame}.gltf"});
+        run({"simulate", shapes, "-o", folder / "shapes-{frame}.gltf"});
     EXPECT_EQ(unwritable.code, 3);
     EXPECT_TRUE(contains(unwritable.err, "cannot be written: nodes[0]"))
         << unwritable.err;
