@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 
+#include "io/file_limits.h"
 #include "io/number.h"
 
 namespace cellwarp
@@ -45,11 +46,18 @@ Token unquoted(const Token& field)
     return trimmed(field.text.substr(1, field.text.size() - 2), field.start + 1);
 }
 
-/// The number of points that a line is.
+/// The number of points that a line is; more than a file can hold count as one too many.
 std::optional<std::int64_t> count_in(std::string_view line)
 {
     const std::optional<std::int64_t> count = parse_integer(trimmed(line, 0).text);
-    return count && *count >= 0 ? count : std::nullopt;
+    return count && *count >= 0 ? std::optional(std::min(*count, kMaxSamples + 1))
+                                : std::nullopt;
+}
+
+/// Adds a scan's number of points to those of the scans before; -1: there are none.
+std::int64_t with_scan(std::int64_t promised, std::int64_t count)
+{
+    return std::min(std::max<std::int64_t>(promised, 0) + count, kMaxSamples + 1);
 }
 
 bool is_byte(std::string_view text)
@@ -263,7 +271,7 @@ bool ColumnsScanner::is_point(std::string_view text, std::uint64_t start)
     const std::optional<std::int64_t> count = count_in(whole.text);
     if (count && (is_pts_ || (!has_points_ && promised_ < 0)))
     {
-        promised_ = std::max<std::int64_t>(promised_, 0) + *count;
+        promised_ = with_scan(promised_, *count);
         count_line_ = count_line_ == 0 ? lines_ : count_line_;
         is_first_ = false;
         return false;
@@ -355,7 +363,7 @@ std::size_t ColumnsScanner::skip(std::string_view part)
         lines_ = lines.line_number();
         if (is_pts_)
             if (const std::optional<std::int64_t> count = count_in(line))
-                promised_ = std::max<std::int64_t>(promised_, 0) + *count;
+                promised_ = with_scan(promised_, *count);
     }
     return lines.consumed();
 }

@@ -33,7 +33,9 @@ bool is_underflow(std::string_view token)
             std::errc())
             return is_negative; // far more digits than the token has
     }
-    return power + exponent < 0;
+    // Beyond these bounds its sign decides; so the sum cannot overflow.
+    constexpr std::int64_t kMost = std::int64_t(1) << 60;
+    return power + std::clamp(exponent, -kMost, kMost) < 0;
 }
 
 /// What older C libraries write instead of a number: 1.#INF, -1.#IND, 1.#QNAN00.

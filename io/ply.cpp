@@ -521,8 +521,11 @@ std::size_t PlyScanner::keep_faces(const Element& element, std::string_view byte
     const bool big = encoding_ == Encoding::Big;
     const std::uint64_t most =
         std::min<std::uint64_t>(element.count - record_, bytes.size() / 13);
-    out.face_ends.reserve(out.face_ends.size() + static_cast<std::size_t>(most));
-    out.corners.reserve(out.corners.size() + 3 * static_cast<std::size_t>(most));
+    if (record_ == 0) // a later exact size would copy them each time
+    {
+        out.face_ends.reserve(out.face_ends.size() + static_cast<std::size_t>(most));
+        out.corners.reserve(out.corners.size() + 3 * static_cast<std::size_t>(most));
+    }
     std::size_t at = 0;
     for (; record_ < element.count && at < bytes.size(); ++record_)
     {

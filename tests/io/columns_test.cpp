@@ -137,6 +137,9 @@ TEST(Columns, a_pts_may_hold_several_scans)
     EXPECT_EQ(patched(file, same(file.geometry)), text);
     EXPECT_TRUE(contains(refused("x.pts", text + "3 0 0 9\n"),
                          "x.pts:1: count: got 3 points, need 4"));
+    const std::string most = "9223372036854775807\n";
+    EXPECT_TRUE(contains(refused("x.pts", most + most + "3\n1 2 3\n4 5 6\n7 8 9\n"),
+                         "x.pts:1: count"));
 }
 
 TEST(Columns, a_pts_starts_with_its_count)

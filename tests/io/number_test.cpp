@@ -84,6 +84,8 @@ TEST(Number, beyond_the_largest_and_below_the_smallest_are_told_apart)
     const std::string zeros(400, '0');
     const double inf = std::numeric_limits<double>::infinity();
     EXPECT_EQ(parse_double("1" + zeros + "e-50"), inf);
+    EXPECT_EQ(parse_double("10e9223372036854775807"), inf);
+    EXPECT_EQ(parse_double("0.01e-9223372036854775807"), 0.0);
     EXPECT_EQ(parse_double("-1" + zeros + ".5e-50"), -inf);
     EXPECT_EQ(parse_double("1e400"), inf);
     EXPECT_EQ(parse_double("0." + zeros + "1e+900"), inf);
