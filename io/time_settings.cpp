@@ -79,7 +79,7 @@ void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings
     if (every && !out.is_static() && std::abs(steps - whole) > kWhole * whole)
         simulate.fail("every",
                       fmt::format("got {} s, which is no whole number of steps of "
-                                  "{} s: the nearest is {:.6g} s",
+                                  "{} s: the nearest is {:.12g} s",
                                   *every, out.dt, whole * out.dt));
     out.every = whole * out.dt;
     if (!out.is_static() && out.duration > 0.0 && out.num_steps() == 0)

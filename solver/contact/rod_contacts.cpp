@@ -377,7 +377,8 @@ const RodContacts::Grip* RodContacts::grip_of(const Contact& contact) const
     const Ball& a = balls_[contact.a];
     const double reach = kSameBall * a.radius;
     const Grip* best = nullptr;
-    double nearest = reach;
+    // Obstacles that touch a ball at one place differ by their directions.
+    std::pair<double, double> nearest(reach, 0.0);
     const auto first = std::lower_bound(
         grips_before_.begin(), grips_before_.end(), std::pair(a.rod, a.along - reach),
         [](const Grip& one, const std::pair<std::size_t, double>& at)
@@ -397,9 +398,9 @@ const RodContacts::Grip* RodContacts::grip_of(const Contact& contact) const
                 continue;
             off = std::max(off, std::abs(one->along_b - b.along));
         }
-        if (off < nearest)
+        if (const std::pair way(off, -one->normal.dot(contact.normal)); way < nearest)
         {
-            nearest = off;
+            nearest = way;
             best = &*one;
         }
     }

@@ -63,7 +63,7 @@ StepReport ImplicitStepper::step(double step)
                 undo();
             if (is_given_up)
                 num_failed_ =
-                    is_good ? num_failed_ - 1 : std::min(num_failed_ + 1, kFailedSteps);
+                    std::clamp(num_failed_ + (is_good ? -1 : 1), 0, kFailedSteps);
             done += length;
             ++report.parts;
             if (stop != MotionStop::Converged)

@@ -430,9 +430,13 @@ RodState::RodState(const Rod& rod)
             tangent_[idx(near)] = velocity(e, 0).tangent;
             const Eigen::Vector3d& t = tangent_[idx(near)];
             const std::optional<Eigen::Vector3d>& normal = rod.settings().normal;
-            reference_[idx(near)] = e == 0 && normal
-                                        ? (*normal - t.dot(*normal) * t).normalized()
-                                        : any_normal(t);
+            // A piece behind a kink goes on with the directions of the one before it.
+            const std::size_t end = e == 0 ? 0 : idx(spans[e - 1].station[1]);
+            const Eigen::Vector3d a =
+                !normal  ? any_normal(t)
+                : e == 0 ? *normal
+                         : transported(tangent_[end], t, reference_[end]);
+            reference_[idx(near)] = (a - t.dot(a) * t).normalized();
         }
         if (far == 0)
             continue;

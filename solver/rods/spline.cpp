@@ -311,6 +311,12 @@ Spline bezier(std::span<const Eigen::Vector3d> points)
             controls.push_back(points[idx(k)]);
         controls.insert(controls.end(), {points[idx(k + 1)], points[idx(k + 2)]});
         length = is_in_line ? length * out.norm() / in.norm() : 1.0;
+        // Beyond this, rounding of the parameter would move a place of the piece.
+        constexpr double kMostRatio = 1e6;
+        if (!(length < kMostRatio * end && length * kMostRatio > end))
+            throw std::invalid_argument(
+                "Bezier pieces that join smoothly need handles of "
+                "lengths nearer to each other");
         end += length;
     }
     controls.push_back(points.back());

@@ -140,6 +140,8 @@ TEST(Simulation, curves_that_cannot_be_are_named)
           R"("points": [[0,0,0],[1,0,0],[0,0,0],[1,0,0]])",
           R"("spline": "catmull-rom", "points": [[0,0,0],[1,0,0],[2,0,0]])",
           R"("spline": "bezier", "points": [[0,0,0],[1,0,0]])",
+          R"("spline": "bezier", "points": [[0,0,0],[1e-7,0,0],[0.5,0,0],[1,0,0],
+             [1.0000001,0,0],[1.5,0,0],[2,0,0],[2.0000001,0,0],[2.5,0,0],[3,0,0]])",
           R"("closed": true, "through": [[0,0,0],[1,0,0],[0,1,0]])"})
         EXPECT_TRUE(contains(
             error_of(Fault::Malformed, [&] { Simulation(scene_of(curve, "{}")); }),
@@ -1115,6 +1117,55 @@ TEST(Simulation, two_stiffnesses_follow_the_normal_however_the_scene_is_turned)
         error_of(Fault::Malformed,
                  [] { Simulation(scene_of(kLine + R"(, "normal": [2,0,0])", "{}")); }),
         "s.json: rods[0]: the normal is along the begin of the rod"));
+}
+
+TEST(Simulation, two_stiffnesses_keep_their_directions_behind_a_kink)
+{
+    // A piece along x, a kink, a piece along y, which is held in its middle.
+    const auto tip_of = [](const Eigen::Matrix3d& R)
+    {
+        std::ostringstream points;
+        points.precision(17);
+        const char* separator = "[";
+        for (const Eigen::Vector3d& x :
+             {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.2, 0, 0),
+              Eigen::Vector3d(0.4, 0, 0), Eigen::Vector3d(0.6, 0, 0),
+              Eigen::Vector3d(0.6, 0.2, 0), Eigen::Vector3d(0.6, 0.4, 0),
+              Eigen::Vector3d(0.6, 0.6, 0)})
+        {
+            const Eigen::Vector3d y = R * x;
+            points << separator << "[" << y.x() << "," << y.y() << "," << y.z() << "]";
+            separator = ",";
+        }
+        const auto vector = [&](const Eigen::Vector3d& x)
+        {
+            const Eigen::Vector3d y = R * x;
+            std::ostringstream out;
+            out.precision(17);
+            out << "[" << y.x() << "," << y.y() << "," << y.z() << "]";
+            return out.str();
+        };
+        Simulation simulation(
+            scene_of(R"("spline": "bezier", "points": )" + points.str() +
+                         R"(], "EI": [1e-3, 1e-1], "GJ": 1e-3, "E": 1e6, "normal": )" +
+                         vector({0, 0, 1}) +
+                         R"(, "fixed": [{"at": 0, "what": ["point","tangent","twist"]},
+                               {"at": 0.75, "what": ["point","tangent","twist"]}],
+                   "loads": [{"at": 1, "force": )" +
+                         vector({0, 0, -1e-3}) + "}]",
+                     R"({"integrator": "static", "gravity": [0,0,0]})"));
+        simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        return (R.transpose() * simulation.rods(2)[0].curve.back()).z();
+    };
+    const double tip = tip_of(Eigen::Matrix3d::Identity());
+    EXPECT_LT(tip, -1e-5);
+    for (const Eigen::Vector3d& axis :
+         {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(0, 0, 1)})
+        for (const double angle : {0.4, 1.3, 2.5})
+            EXPECT_NEAR(
+                tip_of(Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix()),
+                tip, 1e-6 * std::abs(tip));
 }
 
 TEST(Simulation, a_rope_whose_twist_is_held_swings_past_that_direction)
