@@ -204,7 +204,7 @@ TEST(Cli, flat_models_stay_in_their_plane)
     EXPECT_EQ(ended("rotate 0 1 0 60", model, {"--no-flat"}).code, 0);
     EXPECT_EQ(bytes_of(files.out), turned);
     EXPECT_EQ(ended("rotate 0 0 1 60", model, {"--no-flat", "--flat"}).code, 2);
-    const std::string later = "rotate 0 0 1 60\nframe 2\nmove hand translate 0 0 1";
+    const std::string later = "rotate 0 0 1 20\nframe 2\nmove hand translate 0 0 0.3";
     const Result left = ended(later, model, {});
     EXPECT_EQ(left.code, 3);
     EXPECT_TRUE(contains(left.err, "flat.handles:7: hand: frame 2: leaves the plane"));
