@@ -72,6 +72,21 @@ float stored(double value, const std::string& path)
     return number;
 }
 
+/// Models have colours in sRGB, glTF has shares of light: 16 bits keep dark steps apart.
+/// [IEC 61966-2-1]
+std::array<std::uint32_t, 256> linear_shares()
+{
+    std::array<std::uint32_t, 256> shares;
+    for (std::size_t i = 0; i < shares.size(); ++i)
+    {
+        const double c = static_cast<double>(i) / 255.0;
+        const double share =
+            c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+        shares[i] = static_cast<std::uint32_t>(std::lround(65535.0 * share));
+    }
+    return shares;
+}
+
 } // namespace
 
 class AnimationFile::Writer
@@ -285,10 +300,13 @@ private:
     {
         if (geometry_.colours.empty())
             return kNone;
+        const std::array<std::uint32_t, 256> linear = linear_shares();
         for (const std::array<std::uint8_t, 3>& colour : geometry_.colours)
-            head.add(std::uint32_t(colour[0]) | std::uint32_t(colour[1]) << 8 |
-                     std::uint32_t(colour[2]) << 16 | std::uint32_t(255) << 24);
-        add_view(head, geometry_.colours.size(), "VEC4", 5121, "\"normalized\":true");
+        {
+            head.add(linear[colour[0]] | linear[colour[1]] << 16);
+            head.add(linear[colour[2]] | std::uint32_t(65535) << 16);
+        }
+        add_view(head, geometry_.colours.size(), "VEC4", 5123, "\"normalized\":true");
         return accessors_count_ - 1;
     }
     std::size_t add_faces(Bytes& head)

@@ -2,6 +2,7 @@
 #include "io/animation_file.h"
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 
@@ -124,6 +125,45 @@ TEST_F(AnimationFileTest, a_glb_has_a_morph_target_a_frame)
     const GeometryFile again = scan_geometry("a.glb", bytes);
     EXPECT_EQ(again.geometry.samples[2], Vector3d(1001, 1, 0));
     EXPECT_EQ(again.geometry.num_faces(), 2u);
+}
+
+TEST_F(AnimationFileTest, colours_of_a_glb_are_shares_of_light)
+{
+    const GeometryFile file = scan_geometry(
+        "a.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
+                 "property float y\nproperty float z\nproperty uchar red\n"
+                 "property uchar green\nproperty uchar blue\nend_header\n"
+                 "0 0 0 128 255 0\n1 0 0 1 2 3\n0 1 0 10 11 188\n");
+    const std::string path = folder_ + "/colours.glb";
+    AnimationFile out(path, Overwrite::No, file.geometry, {0.0});
+    out.add(file.geometry.samples);
+    out.commit();
+    const std::string bytes = read_file(path);
+    const std::size_t length = word_at(bytes, 12, false);
+    const Json json = Json::parse(bytes.substr(20, length));
+    const Json& attributes = json["meshes"][0]["primitives"][0]["attributes"];
+    const Json& colours = json["accessors"][attributes["COLOR_0"].get<std::size_t>()];
+    EXPECT_EQ(colours["componentType"], 5123);
+    EXPECT_EQ(colours["normalized"], true);
+    EXPECT_EQ(colours["type"], "VEC4");
+    const Json& view = json["bufferViews"][colours["bufferView"].get<std::size_t>()];
+    const std::size_t start = 28 + length + view["byteOffset"].get<std::size_t>();
+    const auto share = [&](std::size_t vertex, std::size_t k)
+    {
+        const std::uint32_t pair =
+            word_at(bytes, start + 8 * vertex + 4 * (k / 2), false);
+        return k % 2 == 0 ? pair & 0xffff : pair >> 16;
+    };
+    // sRGB's curve: 128 is 0.21586 of the light, 188 is 0.50289, 1 is 1 / (255 * 12.92).
+    EXPECT_EQ(share(0, 0), std::lround(65535 * 0.2158605));
+    EXPECT_EQ(share(0, 1), 65535u);
+    EXPECT_EQ(share(0, 2), 0u);
+    EXPECT_EQ(share(0, 3), 65535u);
+    EXPECT_EQ(share(1, 0), std::lround(65535 / (255 * 12.92)));
+    EXPECT_EQ(share(2, 2), std::lround(65535 * 0.5028865));
+    // Dark steps stay apart.
+    EXPECT_LT(share(1, 0), share(1, 1));
+    EXPECT_LT(share(2, 0), share(2, 1));
 }
 
 TEST_F(AnimationFileTest, a_glb_is_shown_with_normals_where_there_are_some)
