@@ -61,6 +61,14 @@ struct ByteOffsets
         return records.empty() ? starts[number]
                                : records.start(number / length, number % length);
     }
+    /// Of all numbers of vector \p i.
+    void starts_of(std::size_t i, std::uint64_t* out) const
+    {
+        if (!records.empty())
+            return records.starts(i, length, out);
+        for (std::size_t k = 0; k < length; ++k)
+            out[k] = starts[length * i + k];
+    }
     /// Lists the numbers of a vector: \p tokens holds length of them.
     void add(const Token* tokens)
     {

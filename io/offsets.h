@@ -149,11 +149,15 @@ public:
     /// [byte] of number \p k of vector \p i
     std::uint64_t start(std::size_t i, std::size_t k) const
     {
-        const std::uint64_t slot = slot_of(i);
-        if (layout_.in_record == 1)
-            return layout_.first[k] + slot * layout_.stride[k];
-        return layout_.first[k] + slot / layout_.in_record * layout_.stride[k] +
-               slot % layout_.in_record * layout_.inner_stride;
+        const Slot slot = slot_of(i);
+        return layout_.first[k] + slot.record * layout_.stride[k] + slot.shift;
+    }
+    /// Of all \p length numbers of the vector.
+    void starts(std::size_t i, std::size_t length, std::uint64_t* out) const
+    {
+        const Slot slot = slot_of(i);
+        for (std::size_t k = 0; k < length; ++k)
+            out[k] = layout_.first[k] + slot.record * layout_.stride[k] + slot.shift;
     }
 
     bool operator==(const RecordPlaces&) const = default;
@@ -166,7 +170,13 @@ private:
         bool operator==(const Range&) const = default;
     };
 
-    std::uint64_t slot_of(std::size_t i) const
+    struct Slot
+    {
+        std::uint64_t record;
+        std::uint64_t shift; ///< in the record [bytes]
+    };
+
+    Slot slot_of(std::size_t i) const
     {
         const Range* range = ranges_.data();
         if (ranges_.size() > 1)
@@ -174,7 +184,11 @@ private:
                 &*std::prev(std::upper_bound(ranges_.begin(), ranges_.end(), i,
                                              [](std::size_t number, const Range& other)
                                              { return number < other.first; }));
-        return range->slot + (i - range->first);
+        const std::uint64_t slot = range->slot + (i - range->first);
+        if (layout_.in_record == 1)
+            return {slot, 0};
+        return {slot / layout_.in_record,
+                slot % layout_.in_record * layout_.inner_stride};
     }
 
     Layout layout_;

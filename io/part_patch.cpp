@@ -50,7 +50,7 @@ public:
         const std::size_t number = first_ + order_[next_];
         return differs(before_[number], after_[number]);
     }
-    Edit edit() const { return edit(first_ + order_[next_]); }
+    Edit edit() const { return edit(first_ + order_[next_], start()); }
     void advance()
     {
         if (++next_ == places_.length)
@@ -82,14 +82,18 @@ public:
             advance();
     }
     /// The last number's; not of an empty list.
-    Edit last() const { return edit(last_number(after_.size() / places_.length - 1)); }
+    Edit last() const
+    {
+        const std::size_t number = last_number(after_.size() / places_.length - 1);
+        return edit(number, places_.start(number));
+    }
 
 private:
-    Edit edit(std::size_t number) const
+    Edit edit(std::size_t number, std::uint64_t start) const
     {
         const Scalar scalar = places_.scalars[number % places_.length];
         const std::size_t size = stored_size(scalar);
-        return {places_.start(number), size > 0 ? size : places_.lengths[number], scalar,
+        return {start, size > 0 ? size : places_.lengths[number], scalar,
                 places_.big_endian, after_[number]};
     }
     /// Of all numbers the one that stands last in a vector.
@@ -106,8 +110,7 @@ private:
     {
         if (is_done())
             return;
-        for (std::size_t k = 0; k < places_.length; ++k)
-            starts_[k] = places_.start(first_ + k);
+        places_.starts_of(first_ / places_.length, starts_.data());
         const auto end = order_.begin() + static_cast<long>(places_.length);
         const auto is_before = [&](std::size_t a, std::size_t b)
         { return starts_[a] < starts_[b]; };

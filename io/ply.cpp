@@ -9,6 +9,7 @@
 
 #include "io/error.h"
 #include "io/file_limits.h"
+#include "io/large_pages.h"
 #include "io/number.h"
 #include "io/stored_number.h"
 #include "io/text.h"
@@ -453,18 +454,18 @@ void PlyScanner::keep_fixed(const Element& element, std::string_view records,
     out.sample_places.records.set_layout(layout_of(0, 3));
     out.direction_places.records.set_layout(layout_of(kNormal, 3));
     out.rotation_places.records.set_layout(layout_of(kRotation, 4));
-    out.samples.reserve(out.samples.size() + count);
+    reserve_large(out.samples, out.samples.size() + count);
     if (element.has_colour)
-        out.colours.reserve(out.colours.size() + count);
+        reserve_large(out.colours, out.colours.size() + count);
     if (element.has_normal)
     {
-        out.directions.reserve(out.directions.size() + count);
-        out.direction_samples.reserve(out.direction_samples.size() + count);
+        reserve_large(out.directions, out.directions.size() + count);
+        reserve_large(out.direction_samples, out.direction_samples.size() + count);
     }
     if (element.has_rotation)
     {
-        out.rotations.reserve(out.rotations.size() + count);
-        out.rotation_samples.reserve(out.rotation_samples.size() + count);
+        reserve_large(out.rotations, out.rotations.size() + count);
+        reserve_large(out.rotation_samples, out.rotation_samples.size() + count);
     }
     // Column by column, a few at once, so that they stay in the cache.
     constexpr std::size_t kAtOnce = 512;
@@ -524,7 +525,8 @@ std::size_t PlyScanner::keep_faces(const Element& element, std::string_view byte
     if (record_ == 0) // a later exact size would copy them each time
     {
         out.face_ends.reserve(out.face_ends.size() + static_cast<std::size_t>(most));
-        out.corners.reserve(out.corners.size() + 3 * static_cast<std::size_t>(most));
+        reserve_large(out.corners,
+                      out.corners.size() + 3 * static_cast<std::size_t>(most));
     }
     std::size_t at = 0;
     for (; record_ < element.count && at < bytes.size(); ++record_)

@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 
+#include "io/large_pages.h"
 #include "io/number.h"
 #include "io/stored_number.h"
 
@@ -89,11 +90,11 @@ void StlScanner::facets(const char* records, std::size_t count, std::uint64_t st
                                           {kFacetBytes, kFacetBytes, kFacetBytes},
                                           3,
                                           12});
-    out.samples.reserve(out.samples.size() + 3 * count);
-    out.corners.reserve(out.corners.size() + 3 * count);
+    reserve_large(out.samples, out.samples.size() + 3 * count);
+    reserve_large(out.corners, out.corners.size() + 3 * count);
     out.face_ends.reserve(out.face_ends.size() + count);
-    out.directions.reserve(out.directions.size() + count);
-    out.direction_samples.reserve(out.direction_samples.size() + count);
+    reserve_large(out.directions, out.directions.size() + count);
+    reserve_large(out.direction_samples, out.direction_samples.size() + count);
     for (std::size_t i = 0; i < count; ++i, records += kFacetBytes, ++facet_)
     {
         Eigen::Matrix<float, 3, 4> numbers; // the normal and three corners

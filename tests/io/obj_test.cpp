@@ -142,6 +142,10 @@ TEST(Obj, faces_of_too_few_corners_are_none_and_two_are_an_edge)
     EXPECT_EQ(g.corners, (std::vector<std::uint32_t>{0, 1, 2}));
     EXPECT_EQ(g.corner_directions, (std::vector<std::uint32_t>{0, 0, 0}));
     EXPECT_EQ(g.lines, (std::vector<std::array<std::uint32_t, 2>>{{0, 2}}));
+    std::string many = kTriangle + "f";
+    for (int k = 0; k < 1000001; ++k)
+        many += " 1";
+    EXPECT_TRUE(contains(refused(many), "x.obj:4: face: got 1000001 corners, need 0 to"));
 }
 
 TEST(Obj, normals_that_are_not_finite_stay)

@@ -88,6 +88,8 @@ TEST(Off, prefixes_may_stand_in_any_order)
                          "0 0 0 255 0 0 9 0 1 0 .5 .5"));
     EXPECT_TRUE(contains(refused("NCOFF\n1 0 0\n0 0 0 1 1 0 0 1\n"),
                          "x.off:3: vertex 0: got 8 numbers on the line, need 9 or 10"));
+    EXPECT_TRUE(contains(refused("NCOFF\n1 0 0\n0 0 0 1 red 0 0 0 1\n"),
+                         "x.off:3: vertex 0: is no number (got 'red')"));
     EXPECT_TRUE(
         contains(refused("nOFF\n1 0 0\n0 0 0\n"), "this kind of OFF is not read"));
 }

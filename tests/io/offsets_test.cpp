@@ -60,4 +60,66 @@ TEST(Offsets, are_equal_to_those_that_took_another_way)
     EXPECT_EQ(offsets, Offsets());
 }
 
+TEST(TokenLengths, are_what_was_put_in_also_if_they_are_long)
+{
+    std::mt19937 rng(5);
+    std::vector<std::size_t> wanted;
+    TokenLengths lengths;
+    for (int i = 0; i < 2000; ++i)
+    {
+        if (rng() % 50 == 0)
+        {
+            wanted.resize(rng() % (wanted.size() + 1));
+            lengths.truncate(wanted.size());
+        }
+        if (rng() % 50 == 0)
+        {
+            wanted.resize(wanted.size() + rng() % 3, 0);
+            lengths.pad(wanted.size());
+        }
+        wanted.push_back(rng() % 3 == 0 ? 250 + rng() % 10 : rng() % 300000);
+        lengths.push_back(wanted.back());
+        ASSERT_EQ(lengths.size(), wanted.size());
+        ASSERT_EQ(lengths[wanted.size() - 1], wanted.back());
+    }
+    for (std::size_t i = 0; i < wanted.size(); ++i)
+        ASSERT_EQ(lengths[i], wanted[i]);
+}
+
+TEST(RecordPlaces, are_those_of_the_records_that_count)
+{
+    // Three vectors a record, as the corners of a facet; some records are left out.
+    std::mt19937 rng(6);
+    RecordPlaces places;
+    places.set_layout({{96, 100, 104}, {50, 50, 50}, 3, 12});
+    std::vector<std::uint64_t> slots;
+    for (std::uint64_t record = std::uint64_t(1) << 33; slots.size() < 3000; ++record)
+    {
+        if (rng() % 4 == 0)
+            continue;
+        places.add(3 * record, 3);
+        slots.insert(slots.end(), {3 * record, 3 * record + 1, 3 * record + 2});
+    }
+    for (std::size_t i = 0; i < slots.size(); ++i)
+    {
+        std::uint64_t starts[3];
+        places.starts(i, 3, starts);
+        for (std::size_t k = 0; k < 3; ++k)
+        {
+            ASSERT_EQ(places.start(i, k),
+                      96 + 50 * (slots[i] / 3) + 12 * (slots[i] % 3) + 4 * k);
+            ASSERT_EQ(starts[k], places.start(i, k));
+        }
+    }
+    // Columns, one after the other.
+    RecordPlaces columns;
+    columns.set_layout({{0, 800, 1600}, {8, 8, 2}});
+    columns.add(0, 10);
+    columns.add(11);
+    EXPECT_EQ(columns.start(9, 1), 872u);
+    EXPECT_EQ(columns.start(10, 2), 1622u);
+    columns.clear();
+    EXPECT_TRUE(columns.empty());
+}
+
 } // namespace cellwarp

@@ -297,6 +297,10 @@ TEST(Ply, faces_of_too_few_corners_are_none_and_stay)
                           .corners,
                       file.geometry.corners);
     }
+    std::string many = ascii;
+    many.replace(many.find("list uchar"), 10, "list int");
+    many.replace(many.find("3 0 1 2"), 7, "1000001 0 1 2");
+    EXPECT_TRUE(contains(refused(many), "x.ply:15: face 2: got 1000001 corners"));
     std::string wrong = ascii;
     wrong.replace(wrong.find("2 0 1\n"), 5, "2 0 3");
     EXPECT_TRUE(
