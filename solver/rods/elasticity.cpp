@@ -10,7 +10,9 @@
 // but more points in spans that touch an end or a knot that is less smooth; for cubics
 // two, three where both are such, n - 1 in all, as many as u has dimensions. A knot where
 // the curve is C1 counts for the span before it alone. More would lock slender rods (they
-// would not bend without stretching), fewer would leave mechanisms.
+// would not bend without stretching), fewer would leave mechanisms. Cubics between such
+// knots have Lobatto's three points, the ends shared with the neighbours: at two of Gauss
+// in each span a ripple of u from span to span would not be seen.
 //
 // Derivatives. Of the angle m_ab about t_b that H(t_a -> t_b) leaves, with
 // chi = 1 + t_a . t_b, beta = 2 t_a x t_b / chi, tt = (t_a + t_b) / chi:
@@ -293,7 +295,8 @@ private:
             spans_.push_back(span);
             ElasticSpans<M>& group = groups_[e / kSpanLanes];
             ++group.count;
-            group.num_stretch = std::max(group.num_stretch, num_stretch(e));
+            group.num_stretch = std::max(group.num_stretch,
+                                         static_cast<int>(rod_.stretch_places(e).size()));
         }
     }
 
@@ -335,19 +338,6 @@ private:
         copy(from.rest_twist, to.rest_twist);
     }
 
-    /// As many points as u has dimensions: one a span, more at ends and unsmooth knots.
-    int num_stretch(std::size_t e) const
-    {
-        const RodSpan& of = rod_.spans()[e];
-        const int degree = rod_.basis().degree();
-        const bool follows_bend =
-            rod_.basis().smoothness_before(static_cast<int>(e)) >= 1;
-        const int num_ends = (!of.is_smooth[0] && !follows_bend) + !of.is_smooth[1];
-        return num_ends == 0   ? 1
-               : num_ends == 1 ? (degree + 2) / 2
-                               : std::min(degree, kMaxGaussPlaces);
-    }
-
     bool is_round(std::size_t e) const
     {
         const ElasticSpans<M>& group = groups_[e / kSpanLanes];
@@ -386,12 +376,14 @@ private:
             group.rest_twist.lane[l] +=
                 rest_.twist(e) - rod_.seam_turn(rod_.spans().size() - 1) * of.length /
                                      rod_.arc_length().total();
-        const int count = num_stretch(e);
+        const std::span<const double> at_shares = rod_.stretch_places(e),
+                                      weights = rod_.stretch_weights(e);
+        const int count = static_cast<int>(at_shares.size());
         for (int k = 0; k < Counts::kMostStretch; ++k)
         {
             // What others have more is here of no weight.
             const bool is_one = k < count;
-            const double share = is_one ? gauss_places(count)[idx(k)] : 0.5;
+            const double share = is_one ? at_shares[idx(k)] : 0.5;
             const double at = of.begin + share * h;
             const BasisValues values = rod_.basis().values_in(static_cast<int>(e), at);
             take_shares(values.value[1].data(), l, group.stretch_first[k]);
@@ -399,10 +391,8 @@ private:
             const double sigma =
                 sum(group.stretch_first[k], l, legs(spans_[e], rest_.x())).norm();
             group.stretch_sigma[k].lane[l] = sigma;
-            group.stretch_weight[k].lane[l] = is_one ? gauss_weights(count)[idx(k)] * h *
-                                                           sigma *
-                                                           rod_.section_at(at).stretch
-                                                     : 0.0;
+            group.stretch_weight[k].lane[l] =
+                is_one ? weights[idx(k)] * h * sigma * rod_.section_at(at).stretch : 0.0;
         }
     }
 

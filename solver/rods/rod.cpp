@@ -326,6 +326,50 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
     return out;
 }
 
+namespace
+{
+
+constexpr std::array<double, 3> kLobattoPlaces = {0.0, 0.5, 1.0},
+                                kLobattoWeights = {1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0};
+
+} // namespace
+
+/// Of a cubic, whether both ends are knots where the curve is C1 and no more, or one is
+/// and the other an end.
+bool Rod::is_between_c1(std::size_t e) const
+{
+    const RodSpan& of = spans_[e];
+    const std::size_t next = e + 1 < spans_.size() ? e + 1 : 0;
+    const bool has_next = e + 1 < spans_.size() || basis().is_closed();
+    const int before = basis().smoothness_before(static_cast<int>(e)),
+              behind = has_next ? basis().smoothness_before(static_cast<int>(next)) : -1;
+    return basis().degree() == 3 && !of.is_smooth[0] && !of.is_smooth[1] &&
+           (before == 1 || behind == 1);
+}
+
+int Rod::num_stretch(std::size_t e) const
+{
+    const RodSpan& of = spans_[e];
+    const bool follows_bend = basis().smoothness_before(static_cast<int>(e)) >= 1;
+    const int num_ends = (!of.is_smooth[0] && !follows_bend) + !of.is_smooth[1];
+    const int degree = basis().degree();
+    return num_ends == 0   ? 1
+           : num_ends == 1 ? (degree + 2) / 2
+                           : std::min(degree, kMaxGaussPlaces);
+}
+
+std::span<const double> Rod::stretch_places(std::size_t e) const
+{
+    return is_between_c1(e) ? std::span<const double>(kLobattoPlaces)
+                            : gauss_places(num_stretch(e));
+}
+
+std::span<const double> Rod::stretch_weights(std::size_t e) const
+{
+    return is_between_c1(e) ? std::span<const double>(kLobattoWeights)
+                            : gauss_weights(num_stretch(e));
+}
+
 std::vector<std::array<double, 2>> Rod::pieces() const
 {
     std::vector<double> cuts;

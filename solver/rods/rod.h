@@ -145,6 +145,10 @@ public:
     {
         return gauss_weights(num_bending_);
     }
+    /// Where stretch is measured in a span, as shares of it, and their weights, whose sum
+    /// is 1: elasticity.cpp.
+    std::span<const double> stretch_places(std::size_t span) const;
+    std::span<const double> stretch_weights(std::size_t span) const;
     /// A place of a span as a share of it.
     double place(int k) const
     {
@@ -173,6 +177,8 @@ public:
 
 private:
     void find_spans();
+    bool is_between_c1(std::size_t span) const;
+    int num_stretch(std::size_t span) const;
     void find_places(std::size_t span, std::size_t count);
     Weight weighed(std::size_t span) const;
     void find_layout();

@@ -95,7 +95,7 @@ private:
 class KnotChange
 {
 public:
-    /// \p coarse gets a knot at \p s. Throws std::invalid_argument for Catmull-Rom.
+    /// \p coarse gets a knot at \p s.
     KnotChange(const SplineBasis& coarse, double s);
 
     struct Row
