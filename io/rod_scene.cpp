@@ -811,7 +811,8 @@ RodScene rod_scene_of(const std::string& path, const std::string& text)
               { read_net(value, key + ".", scene); });
     root.each("sheets", [&](const Json& value, const std::string& key)
               { read_sheet(value, key + ".", scene); });
-    if (scene.rods.empty() && scene.sheets.empty() && !scene.has_flesh)
+    if (scene.rods.empty() && scene.sheets.empty() && scene.bodies.empty() &&
+        scene.nets.empty() && !scene.has_flesh)
         root.object().fail("rods", "is missing: there is nothing to simulate");
     const auto need_names = [&](const char* key, const auto& all)
     {

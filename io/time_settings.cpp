@@ -72,6 +72,14 @@ void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings
     if (const Json* gravity = simulate.find("gravity"))
         out.gravity = simulate.vector("gravity", *gravity);
     read(simulate, "viscosity", 0.0, 1e30, out.viscosity);
+    if (const Json* const report = simulate.find("report"))
+        for (const Json& one : *report)
+        {
+            out.reports_forces = out.reports_forces || one == "forces";
+            out.reports_sections = out.reports_sections || one == "sections";
+            if (one != "forces" && one != "sections")
+                simulate.fail("report", "need a list of forces and sections");
+        }
     simulate.warn_of_the_rest();
     const double steps = every.value_or(out.every) / out.dt,
                  whole = std::max(std::round(steps), 1.0);
@@ -97,11 +105,10 @@ TimeScene time_scene_of(const std::string& path)
     if (extension_of(path) != "json")
         return TimeScene::None;
     const Json json = parse_json(path, read_file(path));
-    const bool has_rods = json.contains("rods") || json.contains("sheets");
+    const bool has_rods = json.contains("rods") || json.contains("sheets") ||
+                          json.contains("bodies") || json.contains("nets");
     if (json.contains("simulate") && json.contains("skeleton"))
-        return has_rods || json.contains("bodies") || json.contains("nets")
-                   ? TimeScene::FleshAndRods
-                   : TimeScene::Flesh;
+        return has_rods ? TimeScene::FleshAndRods : TimeScene::Flesh;
     if (json.contains("simulate"))
         return TimeScene::Rods;
     return has_rods && !json.contains("model") ? TimeScene::Rods : TimeScene::None;

@@ -46,6 +46,29 @@ Json told_of_rods(std::int64_t frame, const SimulationReport& report,
                         {"knots", rod.knots},
                         {"sliding", rod.sliding}});
     }
+    if (simulation.reports_sections())
+    {
+        const std::vector<SimulatedSections> sections =
+            simulation.sections(kPlacesOfCurve);
+        for (std::size_t r = 0; r < sections.size(); ++r)
+        {
+            Json shear = Json::array(), moment = Json::array(), frames = Json::array();
+            for (std::size_t k = 0; k < sections[r].shear.size(); ++k)
+            {
+                shear.push_back(numbers(sections[r].shear[k]));
+                moment.push_back(numbers(sections[r].moment[k]));
+                Json axes = Json::array();
+                for (const Eigen::Index c : {0, 1, 2})
+                    axes.push_back(numbers(sections[r].frame[k].col(c)));
+                frames.push_back(std::move(axes));
+            }
+            rods[r]["sections"] = {{"tension", sections[r].tension},
+                                   {"torque", sections[r].torque},
+                                   {"shear", std::move(shear)},
+                                   {"moment", std::move(moment)},
+                                   {"frame", std::move(frames)}};
+        }
+    }
     Json bodies = Json::array();
     for (const SimulatedBody& body : simulation.bodies())
     {
@@ -77,6 +100,27 @@ Json told_of_rods(std::int64_t frame, const SimulationReport& report,
                 {"rods", std::move(rods)},
                 {"bodies", std::move(bodies)},
                 {"nets", std::move(nets)}};
+    if (simulation.reports_forces())
+    {
+        Json forces = Json::array();
+        for (const SimulatedForce& force : simulation.forces())
+        {
+            Json one = {{"at", numbers(force.at)}, {"force", numbers(force.force)}};
+            if (force.key.empty())
+            {
+                one["contact"] = {{"rod", force.rod}, {"share", force.share}};
+                if (!force.other.empty())
+                    one["other"] = {{"rod", force.other}, {"share", force.other_share}};
+            }
+            else
+            {
+                one["key"] = force.key;
+                one["couple"] = numbers(force.couple);
+            }
+            forces.push_back(std::move(one));
+        }
+        out["forces"] = std::move(forces);
+    }
     if (report.at_once > 0)
         out["at_once"] = report.at_once;
     Json sheets = Json::array();

@@ -197,12 +197,14 @@ void RodPart::warn_of_curve()
 
 void RodPart::add_holds()
 {
-    for (const RodHold& hold : statement_.holds)
+    for (std::size_t k = 0; k < statement_.holds.size(); ++k)
     {
+        const RodHold& hold = statement_.holds[k];
         const double s = parameter(hold.at);
         const CurvePoint at = state.at(s);
         held_.push_back({&hold.keys, model.constraints.size(), 0, at.place,
-                         state.frame(s), at.second});
+                         state.frame(s), at.second,
+                         where_ + ".fixed[" + std::to_string(k) + "]"});
         const auto add = [&](HoldKind kind)
         {
             RodConstraint constraint;
@@ -267,7 +269,8 @@ void RodPart::add_on()
         Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
         frame.col(2) = constraint.direction;
         held_.push_back({&on.keys, model.constraints.size(), 1, point, frame,
-                         Eigen::Vector3d::Zero()});
+                         Eigen::Vector3d::Zero(),
+                         where_ + ".on[" + std::to_string(k) + "]"});
         model.constraints.push_back(constraint);
     }
 }
@@ -603,25 +606,67 @@ std::vector<RodPart::Piece> RodPart::pieces() const
     return out;
 }
 
-std::vector<Eigen::Vector3d> RodPart::curve(const Piece& piece, int places) const
+std::vector<std::pair<std::size_t, double>> RodPart::along(const Piece& piece,
+                                                           int places) const
 {
     double length = 0.0;
     for (const std::size_t e : piece.spans)
         length += rod.spans()[e].length;
     const double first = rod.arc_length().at(piece.begin),
                  total = rod.arc_length().total();
-    std::vector<Eigen::Vector3d> out;
+    std::vector<std::pair<std::size_t, double>> out;
     for (int k = 0; k < places; ++k)
     {
         const double at = first + length * k / (places - 1);
         const double s = parameter((at > total ? at - total : at) / total);
         // The last one is on this side of a cut.
-        const RodSpan& last = rod.spans()[piece.spans.back()];
-        const BasisValues values =
-            k + 1 == places && !piece.is_closed
-                ? rod.basis().values_in(static_cast<int>(piece.spans.back()), last.end)
-                : rod.basis().values(s);
-        out.push_back(origin_ + state.at(values).place);
+        const std::size_t last = piece.spans.back();
+        if (k + 1 == places && !piece.is_closed)
+            out.emplace_back(last, rod.spans()[last].end);
+        else
+            out.emplace_back(idx(rod.basis().span_of(s)), rod.basis().wrapped(s));
+    }
+    return out;
+}
+
+std::vector<Eigen::Vector3d> RodPart::curve(const Piece& piece, int places) const
+{
+    std::vector<Eigen::Vector3d> out;
+    for (const auto& [span, s] : along(piece, places))
+        out.push_back(origin_ +
+                      state.at(rod.basis().values_in(static_cast<int>(span), s)).place);
+    return out;
+}
+
+std::vector<std::pair<SectionForces, Eigen::Matrix3d>>
+RodPart::sections(const Piece& piece, int places) const
+{
+    const InnerForces forces(state);
+    std::vector<std::pair<SectionForces, Eigen::Matrix3d>> out;
+    for (const auto& [span, s] : along(piece, places))
+        out.emplace_back(forces.in(span, s), state.frame_in(span, s));
+    return out;
+}
+
+std::vector<RodPart::HeldForce>
+RodPart::reactions(const Eigen::VectorXd& multipliers) const
+{
+    std::vector<HeldForce> out;
+    if (multipliers.size() == 0)
+        return out;
+    const std::vector<Wrench> wrenches = model.reactions(state, multipliers);
+    for (const Held& held : held_)
+    {
+        const RodConstraint& first = model.constraints[held.first];
+        const double s = first.slide < 0 ? first.s : state.sliding[idx(first.slide)].s;
+        HeldForce& one = out.emplace_back();
+        one.key = held.key;
+        one.at = origin_ + state.at(sliding_values(rod.basis(), s)).place;
+        for (std::size_t k = held.first; k < held.first + held.count; ++k)
+        {
+            one.wrench.force += wrenches[k].force;
+            one.wrench.couple += wrenches[k].couple;
+        }
     }
     return out;
 }

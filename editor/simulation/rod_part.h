@@ -13,6 +13,7 @@
 
 #include "io/geometry.h"
 #include "io/rod_scene.h"
+#include "solver/rods/inner_forces.h"
 #include "solver/rods/rod_object.h"
 #include "solver/rods/rod_refinement.h"
 
@@ -92,11 +93,25 @@ public:
     std::vector<double> sliding(const Piece& piece) const;
     /// Places at equal shares of a piece's rest length.
     std::vector<Eigen::Vector3d> curve(const Piece& piece, int places) const;
+    /// What sections carry there, and their frames.
+    std::vector<std::pair<SectionForces, Eigen::Matrix3d>> sections(const Piece& piece,
+                                                                    int places) const;
+    /// What something of the scene holds the rod with, by the key that says so.
+    struct HeldForce
+    {
+        std::string key;
+        Eigen::Vector3d at; ///< [m]
+        Wrench wrench;
+    };
+    std::vector<HeldForce> reactions(const Eigen::VectorXd& multipliers) const;
     /// As tubes, \p around corners on each ring, coloured by which side of the material
     /// they are on; or as the skin that the statement asks for.
     void add_surface(int around, Geometry& out) const;
 
 private:
+    /// Places of curve(): spans and parameters.
+    std::vector<std::pair<std::size_t, double>> along(const Piece& piece,
+                                                      int places) const;
     void add_tube(int around, Geometry& out) const;
     void add_skin(Geometry& out) const;
     void warn_of_curve();
@@ -116,6 +131,7 @@ private:
         Eigen::Vector3d place;
         Eigen::Matrix3d frame;
         Eigen::Vector3d curvature;
+        std::string key;
         Eigen::Matrix3d R = Eigen::Matrix3d::Identity(); ///< how far keys have turned it
     };
     void bring(const Held& held, const Eigen::Vector3d& place, const Eigen::Matrix3d& R,

@@ -102,8 +102,10 @@ std::unique_ptr<SplineSheet> sheet_of(const RodScene& scene, std::size_t k,
 Vector3d Simulation::origin_of(const RodScene& scene)
 {
     if (scene.rods.empty())
-        return scene.sheets.empty() ? Vector3d::Zero()
-                                    : vector_of(scene.sheets.front().corner);
+        return !scene.sheets.empty()   ? vector_of(scene.sheets.front().corner)
+               : !scene.bodies.empty() ? vector_of(scene.bodies.front().at)
+               : !scene.nets.empty()   ? vector_of(scene.nets.front().points.front())
+                                       : Vector3d::Zero();
     const RodStatement& rod = scene.rods.front();
     return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
@@ -125,6 +127,7 @@ struct Simulation::Parts
     std::map<std::size_t, RodObject> objects;
     JoinedFlesh* flesh = nullptr;
     std::vector<Joint> joints; ///< of objects numbered through: as object() has them
+    std::vector<std::string> joint_keys; ///< of each the key of the scene
     std::optional<RodContacts> contacts;
     std::vector<std::pair<PlaceOnRod, PlaceOnRod>> on_each_other; ///< joined places
     std::vector<Geometry> meshes;                                 ///< obstacles
@@ -184,6 +187,10 @@ struct Simulation::Group
     int parts = 1;                   ///< of a step, that explicit ones stay stable with
     std::optional<RodStepper> alone; ///< of one rod
     std::optional<ImplicitStepper> joined; ///< of all else
+    Eigen::VectorXd multipliers;           ///< of an equilibrium of one rod
+    std::vector<std::string> joint_keys;
+    std::vector<int> first_of_joint; ///< objects
+    std::vector<int> first_place;    ///< places in them
 };
 
 Simulation::~Simulation() = default;
@@ -480,6 +487,7 @@ void Simulation::join()
                                    apart)));
             joint.kind = Joint::Kind::Point;
             parts_->joints.push_back(joint);
+            parts_->joint_keys.push_back(both.where);
         }
         if (both.has_frame)
         {
@@ -487,6 +495,7 @@ void Simulation::join()
             joint.frame =
                 first.frame(a.place, false).transpose() * second.frame(b.place, false);
             parts_->joints.push_back(joint);
+            parts_->joint_keys.push_back(both.where);
         }
         if (both.has_distance)
         {
@@ -496,6 +505,7 @@ void Simulation::join()
             joint.kind = Joint::Kind::Distance;
             joint.distance = apart;
             parts_->joints.push_back(joint);
+            parts_->joint_keys.push_back(both.where);
         }
     }
 }
@@ -530,8 +540,8 @@ std::unique_ptr<Obstacle> obstacle_of(const ObstacleStatement& of, const Vector3
 
 void Simulation::touch()
 {
-    if (!scene_.contact)
-        return;
+    if (!scene_.contact || parts_->rods.empty())
+        return; // bodies and nets touch nothing
     const ContactStatement& of = *scene_.contact;
     RodContacts& contacts = parts_->contacts.emplace(ContactSettings{
         of.friction, of.damping, of.stiffness, of.between_rods, of.with_itself});
@@ -605,9 +615,12 @@ void Simulation::group()
                     group.bodies.push_back(&parts_->bodies[k - parts_->rods.size()]);
             }
         std::vector<Joint> joints;
-        for (Joint joint : parts_->joints)
-            if (number.contains(joint.object[0]))
+        for (std::size_t j = 0; j < parts_->joints.size(); ++j)
+            if (Joint joint = parts_->joints[j]; number.contains(joint.object[0]))
             {
+                group.joint_keys.push_back(parts_->joint_keys[j]);
+                group.first_of_joint.push_back(joint.object[0]);
+                group.first_place.push_back(joint.place[0]);
                 for (int& object : joint.object)
                     object = number[object];
                 joints.push_back(joint);
@@ -838,7 +851,9 @@ void Simulation::settle(Group& group)
         if (group.alone)
         {
             RodPart& rod = *group.rods.front();
-            const MotionReport report = RodNewton(rod.model).solve(rod.state);
+            RodNewton newton(rod.model);
+            const MotionReport report = newton.solve(rod.state);
+            group.multipliers = newton.multipliers();
             last.stop = report.stop;
             last.iterations = report.iterations;
             last.violation = report.violation;
@@ -847,8 +862,10 @@ void Simulation::settle(Group& group)
                 // What slides may have far to go, and may stop on the way.
                 RodObject object(rod.model);
                 object.bind(rod.state, rod.velocity);
-                last = ImplicitStepper({&object}).settle();
+                ImplicitStepper stepper({&object});
+                last = stepper.settle();
                 last.iterations += report.iterations;
+                group.multipliers = stepper.solved().multipliers(0);
             }
         }
         else
@@ -978,6 +995,89 @@ std::vector<SimulatedRod> Simulation::rods(int places) const
     return out;
 }
 
+std::vector<SimulatedForce> Simulation::forces() const
+{
+    std::vector<SimulatedForce> out;
+    if (done_ == 0)
+        return out;
+    for (const std::unique_ptr<Group>& group : groups_)
+    {
+        for (std::size_t r = 0; r < group->rods.size(); ++r)
+        {
+            const RodPart& rod = *group->rods[r];
+            const Eigen::VectorXd multipliers =
+                group->joined ? group->joined->solved().multipliers(static_cast<int>(r))
+                : is_static() ? group->multipliers
+                              : group->alone->multipliers(rod.state, rod.velocity);
+            for (const RodPart::HeldForce& one : rod.reactions(multipliers))
+                out.push_back(
+                    {one.key, one.at, one.wrench.force, one.wrench.couple, {}, {}});
+        }
+        if (!group->joined)
+            continue;
+        const std::vector<Wrench> wrenches = group->joined->solved().joint_wrenches();
+        for (std::size_t j = 0; j < wrenches.size(); ++j)
+        {
+            const Vector3d at = origin_ + parts_->object(idx(group->first_of_joint[j]))
+                                              ->place(group->first_place[j], false);
+            // A joint may be several, of places and of frames.
+            const bool is_more =
+                j > 0 && group->joint_keys[j] == group->joint_keys[j - 1];
+            if (!is_more)
+                out.push_back({group->joint_keys[j],
+                               at,
+                               Vector3d::Zero(),
+                               Vector3d::Zero(),
+                               {},
+                               {}});
+            out.back().force += wrenches[j].force;
+            out.back().couple += wrenches[j].couple;
+        }
+    }
+    if (!parts_->contacts)
+        return out;
+    const auto share_of = [&](std::size_t rod, double s)
+    {
+        const ArcLength& length = parts_->rods[rod]->rod.arc_length();
+        return length.at(s) / length.total();
+    };
+    for (const RodContacts::Force& one : parts_->contacts->acting())
+    {
+        SimulatedForce force;
+        force.at = origin_ + one.place;
+        force.force = one.force;
+        force.couple.setZero();
+        force.rod = parts_->rods[one.a]->name();
+        force.share = share_of(one.a, one.s_a);
+        if (one.b >= 0)
+        {
+            force.other = parts_->rods[std::size_t(one.b)]->name();
+            force.other_share = share_of(std::size_t(one.b), one.s_b);
+        }
+        out.push_back(force);
+    }
+    return out;
+}
+
+std::vector<SimulatedSections> Simulation::sections(int places) const
+{
+    std::vector<SimulatedSections> out;
+    for (const std::unique_ptr<RodPart>& part : parts_->rods)
+        for (const RodPart::Piece& piece : part->pieces())
+        {
+            SimulatedSections& one = out.emplace_back();
+            for (const auto& [forces, frame] : part->sections(piece, places))
+            {
+                one.tension.push_back(forces.tension);
+                one.torque.push_back(forces.torque);
+                one.shear.push_back(forces.shear);
+                one.moment.push_back(forces.moment);
+                one.frame.push_back(frame);
+            }
+        }
+    return out;
+}
+
 std::vector<const RodPart*> Simulation::carriers() const
 {
     std::vector<const RodPart*> out;
@@ -1073,6 +1173,18 @@ Geometry Simulation::stage(int around) const
         {
             low = low.cwiseMin(origin_ + q);
             high = high.cwiseMax(origin_ + q);
+        }
+    for (const Parts::Body& one : parts_->bodies)
+    {
+        const Vector3d at = origin_ + one.body.state.p;
+        low = low.cwiseMin(at - Vector3d::Constant(one.body.size()));
+        high = high.cwiseMax(at + Vector3d::Constant(one.body.size()));
+    }
+    for (const SimulatedNet& net : nets())
+        for (const Vector3d& q : net.points)
+        {
+            low = low.cwiseMin(q);
+            high = high.cwiseMax(q);
         }
     std::size_t next_mesh = 0;
     for (const ObstacleStatement& obstacle : scene_.obstacles)

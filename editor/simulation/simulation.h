@@ -68,6 +68,25 @@ struct SimulatedSheet
     std::vector<Eigen::Vector3d> sliding; ///< shares; of what has left NaN
 };
 
+/// What something acts with.
+struct SimulatedForce
+{
+    std::string key; ///< of the scene, "rods[0].fixed[1]"; empty: a contact
+    Eigen::Vector3d at, force, couple; ///< [m], [N], about the place [N m]
+    // Of a contact; the force is on the first.
+    std::string rod, other;                ///< other: empty where it is an obstacle
+    double share = 0.0, other_share = 0.0; ///< of the whole rest length
+};
+
+/// What a rod carries where SimulatedRod::curve has its places: the part ahead acts on
+/// that behind.
+struct SimulatedSections
+{
+    std::vector<double> tension, torque;        ///< [N], [N m]
+    std::vector<Eigen::Vector3d> shear, moment; ///< [N], [N m]
+    std::vector<Eigen::Matrix3d> frame; ///< directions of the section, tangent: columns
+};
+
 /// What a moment of the simulation measures.
 struct SimulationReport
 {
@@ -116,6 +135,14 @@ public:
     SimulationReport report();
     /// \p places of each rod at equal shares of its rest length, both ends included.
     std::vector<SimulatedRod> rods(int places) const;
+    /// What the scene asks for beside what moves.
+    bool reports_forces() const { return scene_.reports_forces; }
+    bool reports_sections() const { return scene_.reports_sections; }
+    /// Of holds and of what keeps to something, on their rods; of joints on `a`; of
+    /// contacts. As the last solve has left them; before that nothing.
+    std::vector<SimulatedForce> forces() const;
+    /// In the order of rods().
+    std::vector<SimulatedSections> sections(int places) const;
     std::vector<SimulatedBody> bodies() const;
     std::vector<SimulatedNet> nets() const;
     /// \p places along each side.

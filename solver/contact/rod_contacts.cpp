@@ -437,6 +437,25 @@ ArticulableObject::Again RodContacts::again(bool is_last)
                              : ArticulableObject::Again::FromHere;
 }
 
+/// \p at: where ball a is.
+void RodContacts::add_acting(const Contact& contact, const Vector3d& at,
+                             const Vector3d& force)
+{
+    const Ball& a = balls_[contact.a];
+    Force one;
+    one.a = a.rod;
+    one.s_a = a.s;
+    if (contact.b >= 0)
+    {
+        const Ball& b = balls_[std::size_t(contact.b)];
+        one.b = static_cast<std::ptrdiff_t>(b.rod);
+        one.s_b = b.s;
+    }
+    one.place = at - a.radius * contact.normal;
+    one.force = force;
+    acting_.push_back(one);
+}
+
 void RodContacts::finish()
 {
     last_way_ = 0.0;
@@ -445,12 +464,18 @@ void RodContacts::finish()
             last_way_,
             (place(balls_[k], rods_[balls_[k].rod].state->x()) - centres_[k]).norm());
     grips_.clear();
+    acting_.clear();
     for (const Contact& contact : contacts_)
     {
-        if (contact.grip == 0.0)
-            continue;
         const Vector3d y = between(contact, false), u = slip(contact, y);
         const Ball& a = balls_[contact.a];
+        const Vector3d rubs =
+            -std::min(contact.whole, contact.grip / std::max(u.norm(), 1e-300)) * u;
+        if (const double pressed = press(contact, y); pressed > 0.0)
+            add_acting(contact, place(a, rods_[a.rod].state->x()),
+                       pressed * contact.normal + rubs);
+        if (contact.grip == 0.0)
+            continue;
         Grip grip;
         grip.a = a.rod;
         grip.along_a = a.along;
@@ -462,8 +487,7 @@ void RodContacts::finish()
         }
         grip.normal = contact.normal;
         grip.press = press(contact, y);
-        grip.force =
-            -std::min(contact.whole, contact.grip / std::max(u.norm(), 1e-300)) * u;
+        grip.force = rubs;
         grips_.push_back(grip);
     }
     std::sort(grips_.begin(), grips_.end(),
@@ -647,6 +671,7 @@ std::vector<Eigen::VectorXd> RodContacts::forces(double step)
     place_balls();
     find_contacts(kMargin * largest_radius_, Limit::None);
     std::vector<Eigen::VectorXd> out;
+    acting_.clear();
     for (const Member& rod : rods_)
         out.push_back(Eigen::VectorXd::Zero(rod.state->x().size()));
     for (const Contact& contact : contacts_)
@@ -671,6 +696,8 @@ std::vector<Eigen::VectorXd> RodContacts::forces(double step)
         if (across.norm() > 0.0)
             force -= rubs * across.normalized();
         push(a, force, out[a.rod]);
+        if (press > 0.0)
+            add_acting(contact, centres_[contact.a], force);
         if (b)
             push(*b, -force, out[b->rod]);
     }

@@ -86,6 +86,16 @@ public:
     // Of the last step's begin and the states now.
 
     ContactReport report() const;
+    /// What acts where something touches.
+    struct Force
+    {
+        std::size_t a = 0;
+        std::ptrdiff_t b = -1;       ///< rods; -1: an obstacle
+        double s_a = 0.0, s_b = 0.0; ///< parameters of them
+        Eigen::Vector3d place;       ///< [m]
+        Eigen::Vector3d force;       ///< on a [N]
+    };
+    const std::vector<Force>& acting() const { return acting_; }
     /// Parameters of a rod that touch something, ascending.
     std::vector<double> touched(std::size_t rod) const;
     int num_balls() const { return static_cast<int>(balls_.size()); }
@@ -132,6 +142,8 @@ private:
         Eigen::Vector3d force; ///< of friction on a [N]
     };
     const Grip* grip_of(const Contact& contact) const;
+    void add_acting(const Contact& contact, const Eigen::Vector3d& at,
+                    const Eigen::Vector3d& force);
     double press(const Contact& contact, const Eigen::Vector3d& y) const;
     Eigen::Vector3d slip(const Contact& contact, const Eigen::Vector3d& y) const;
 
@@ -166,6 +178,7 @@ private:
     std::vector<Contact> contacts_;
     /// After the last step and before it, in the order of rods and lengths.
     std::vector<Grip> grips_, grips_before_;
+    std::vector<Force> acting_;
     BallGrid grid_;
     double margin_ = 0.0, largest_radius_ = 0.0;
     double last_way_ = 0.0; ///< of the balls in the last step [m]

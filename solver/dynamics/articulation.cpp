@@ -740,6 +740,24 @@ MotionReport Articulation::Run::operator()()
     return report_;
 }
 
+std::vector<Wrench> Articulation::joint_wrenches() const
+{
+    std::vector<Wrench> out(joints_.size());
+    Eigen::Index next = 0;
+    for (std::size_t j = 0; j < joints_.size(); ++j)
+    {
+        const Joint& joint = joints_[j];
+        if (!is_held(joint) || next + num_rows(joint) > joint_lambda_.size())
+            continue;
+        const std::array<Vector3d, 3> n = directions(
+            joint, *objects_[idx(joint.object[0])], *objects_[idx(joint.object[1])]);
+        Vector3d& to = joint.kind == Joint::Kind::Frame ? out[j].couple : out[j].force;
+        for (int k = 0; k < num_rows(joint); ++k)
+            to += joint_lambda_[next++] * n[idx(k)];
+    }
+    return out;
+}
+
 bool Articulation::is_pulled() const
 {
     constexpr double kKept = 1e-9;

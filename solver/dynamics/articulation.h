@@ -11,6 +11,7 @@
 #include "solver/dynamics/articulable_object.h"
 #include "solver/dynamics/coupling.h"
 #include "solver/dynamics/motion_stop.h"
+#include "solver/dynamics/wrench.h"
 #include "solver/linear/band_matrix.h"
 
 namespace cellwarp
@@ -43,6 +44,9 @@ public:
     /// Multipliers of an object's own rows, and of the joints' rows [N, N m].
     const Eigen::VectorXd& multipliers(int object) const { return lambda_[idx(object)]; }
     const Eigen::VectorXd& joint_multipliers() const { return joint_lambda_; }
+    /// What each joint acts with on its first object, about that one's place; nothing
+    /// before the first solve.
+    std::vector<Wrench> joint_wrenches() const;
     /// Whether rows are violated, by the states.
     bool is_pulled() const;
     /// What rounding makes of energies, as in the last solve [J].

@@ -36,6 +36,9 @@ public:
     /// To where nothing moves any more: by longer and longer steps, each from rest.
     StepReport settle();
 
+    /// The last solve, with its multipliers.
+    const Articulation& solved() const { return all_; }
+
 private:
     bool try_step(double step, bool is_last, MotionStop& stop, StepReport& report);
     void undo();

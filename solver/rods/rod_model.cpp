@@ -391,6 +391,58 @@ std::vector<SlidePress> RodModel::pressed(const RodState& state,
     return out;
 }
 
+/// The work of a row under a rigid motion: a force on a control point acts there, one on
+/// an angle is a couple about the tangent of its station.
+std::vector<Wrench> RodModel::reactions(const RodState& state,
+                                        const Eigen::VectorXd& multipliers) const
+{
+    const RodLayout& layout = rod_->layout();
+    std::vector<int> control(idx(layout.num_unknowns), -1);
+    std::vector<Eigen::Vector3d> axis(idx(layout.num_unknowns), Eigen::Vector3d::Zero());
+    for (std::size_t k = 0; k < layout.control.size(); ++k)
+        std::fill_n(control.begin() + layout.control[k], 3, static_cast<int>(k));
+    const int last = rod_->num_places() - 1;
+    for (std::size_t e = 0; e < rod_->spans().size(); ++e)
+        for (const int end : {0, 1})
+            axis[idx(layout.angle[idx(rod_->spans()[e].station[idx(end)])])] =
+                state.velocity(e, end == 0 ? 0 : last).tangent;
+    std::vector<Wrench> out(constraints.size());
+    Eigen::Index next = 0;
+    for (std::size_t k = 0; k < constraints.size(); ++k)
+    {
+        const std::vector<ConstraintRow> rows = rows_of_constraint(k, state, true);
+        if (next + static_cast<Eigen::Index>(rows.size()) > multipliers.size())
+            break;
+        const RodConstraint& of = constraints[k];
+        const Eigen::Vector3d at =
+            state
+                .at(of.slide < 0
+                        ? held(k).at
+                        : sliding_values(rod_->basis(), state.sliding[idx(of.slide)].s))
+                .place;
+        for (const ConstraintRow& row : rows)
+        {
+            const double lambda = multipliers[next++];
+            for (const auto& [unknown, value] : row.entries)
+            {
+                if (unknown >= layout.num_unknowns)
+                    continue; // of what slides
+                const int q = control[idx(unknown)];
+                if (q < 0)
+                {
+                    out[k].couple += lambda * value * axis[idx(unknown)];
+                    continue;
+                }
+                Eigen::Vector3d force = Eigen::Vector3d::Zero();
+                force[unknown - layout.control[idx(q)]] = lambda * value;
+                out[k].force += force;
+                out[k].couple += (state.control(q) - at).cross(force);
+            }
+        }
+    }
+    return out;
+}
+
 void add_forces(const std::vector<SparseRow>& rows, const Eigen::VectorXd& lambda,
                 double scale, Eigen::VectorXd& out)
 {

@@ -11,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "solver/dynamics/saddle.h"
+#include "solver/dynamics/wrench.h"
 #include "solver/rods/rod_constraint.h"
 #include "solver/rods/rod_mass.h"
 #include "solver/rods/rod_term.h"
@@ -129,6 +130,10 @@ public:
     /// What the \p multipliers of rows() press each slide with [N].
     std::vector<SlidePress> pressed(const RodState& state,
                                     const Eigen::VectorXd& multipliers) const;
+    /// What the \p multipliers of rows() hold the rod with at each constraint, about the
+    /// place that it is at.
+    std::vector<Wrench> reactions(const RodState& state,
+                                  const Eigen::VectorXd& multipliers) const;
     /// Those of rows() alone.
     Eigen::VectorXd violations(const RodState& state) const;
 

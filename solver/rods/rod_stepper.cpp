@@ -153,6 +153,20 @@ StepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, double s
     return implicit_.step(step);
 }
 
+Eigen::VectorXd RodStepper::multipliers(const RodState& state,
+                                        const Eigen::VectorXd& velocity) const
+{
+    if (integrator_ != Integrator::RungeKutta)
+        return implicit_.solved().multipliers(0);
+    const int of_rod = model_.rod().layout().num_unknowns;
+    Eigen::VectorXd all = Eigen::VectorXd::Zero(model_.num_unknowns()), out;
+    all.head(of_rod) = velocity;
+    for (std::size_t k = 0; k < model_.slides.size(); ++k)
+        all[of_rod + static_cast<int>(k)] = state.sliding[k].speed;
+    acceleration(state, all, &out);
+    return out;
+}
+
 bool RodStepper::keeps_constraints(const RodState& state) const
 {
     constexpr double kKept = 1e-9;

@@ -34,6 +34,10 @@ public:
     /// by RK4.
     StepReport step(RodState& state, Eigen::VectorXd& velocity, double step);
 
+    /// Of the rows of the model, after a step to this state.
+    Eigen::VectorXd multipliers(const RodState& state,
+                                const Eigen::VectorXd& velocity) const;
+
     /// The largest step that RK4 stays stable with, from the fastest vibration of the
     /// state and the viscosity [s].
     double largest_step(const RodState& state) const;

@@ -1297,4 +1297,88 @@ TEST(Simulation, steps_that_fail_again_and_again_are_not_cut_for_ever)
     EXPECT_LE(most_after, 40);
 }
 
+TEST(Simulation, tells_what_a_hold_acts_with_in_statics_and_by_every_integrator)
+{
+    const auto last_force = [](Simulation& simulation)
+    {
+        EXPECT_TRUE(simulation.forces().empty()); // nothing was solved for
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        const std::vector<SimulatedForce> forces = simulation.forces();
+        EXPECT_EQ(forces.size(), 1u);
+        return forces.at(0);
+    };
+    Simulation bent(scene_of(
+        kLine + R"(, "spans": 8, "E": 1e8, "loads": [{"force": [1,-2,0.5]}],
+           "fixed": [{"what": ["point","tangent","twist"]}])",
+        R"({"integrator": "static", "gravity": [0,0,0], "report": ["forces"]})"));
+    const SimulatedForce clamp = last_force(bent);
+    EXPECT_EQ(clamp.key, "rods[0].fixed[0]");
+    const Eigen::Vector3d load(1, -2, 0.5), tip = bent.rods(2)[0].curve[1];
+    EXPECT_LT(clamp.at.norm(), 1e-12);
+    EXPECT_LT((clamp.force + load).norm(), 1e-8);
+    EXPECT_LT((clamp.couple + tip.cross(load)).norm(), 1e-8);
+    for (const std::string rule : {R"(implicit-euler", "dt": 1e-3)",
+                                   R"(midpoint", "dt": 1e-3)", R"(rk4", "dt": 1e-4)"})
+    {
+        SCOPED_TRACE(rule);
+        // Where it is held it is pulled: nothing moves.
+        Simulation held(scene_of(
+            kLine + R"(, "fixed": [{"at": 0.3}], "loads": [{"at": 0.3,
+               "force": [1,-2,0.5]}])",
+            R"({"duration": 0.01, "every": 0.01, "gravity": [0,0,0], "integrator": ")" +
+                rule + "}"));
+        EXPECT_LT((last_force(held).force + load).norm(), 1e-8);
+    }
+}
+
+TEST(Simulation, tells_what_joints_and_contacts_act_with)
+{
+    Simulation hung(joined(
+        R"({"name": "r", "through": [[0,0,0],[0,-1,0]], "E": 1e7, "fixed": [{"at": 0}]})",
+        R"("bodies": [{"mass": 2, "at": [0,-1,0]}],
+           "joints": [{"a": "rod r 1", "b": "body body1 0 0 0"}])",
+        R"({"integrator": "static"})"));
+    hung.step();
+    const std::vector<SimulatedForce> forces = hung.forces();
+    ASSERT_EQ(forces.size(), 2u);
+    const double rope = 1000.0 * std::numbers::pi * 1e-4 * 9.81;
+    EXPECT_EQ(forces[0].key, "rods[0].fixed[0]");
+    EXPECT_NEAR(forces[0].force.y(), 2.0 * 9.81 + rope, 1e-6);
+    EXPECT_EQ(forces[1].key, "joints[0]");
+    EXPECT_NEAR(forces[1].force.y(), -2.0 * 9.81, 1e-6);
+    EXPECT_NEAR(forces[1].at.y(), hung.bodies()[0].at.y(), 1e-9);
+
+    Simulation lies(parse_rod_scene(
+        "s.json", R"({"cellwarp": 1, "rods": [{"through": [[0,0.01,0],[0.3,0.01,0]]}],
+            "obstacles": [{"plane": [0,1,0,0]}], "simulate": {"integrator": "static"}})"));
+    lies.step();
+    double sum = 0.0;
+    for (const SimulatedForce& one : lies.forces())
+    {
+        EXPECT_EQ(one.rod, "rod1");
+        EXPECT_TRUE(one.other.empty() && one.key.empty());
+        EXPECT_NEAR(one.at.y(), 0.0, 1e-4);
+        sum += one.force.y();
+    }
+    EXPECT_NEAR(sum, 0.3 * rope, 1e-6 * rope);
+}
+
+TEST(Simulation, bodies_and_nets_go_without_rods)
+{
+    Simulation simulation(parse_rod_scene(
+        "s.json", R"({"cellwarp": 1, "bodies": [{"at": [5,0,0]}], "nets": [{"points":
+            [[0,0,0],[1,0,0]], "springs": [[0,1,100]], "fixed": [0]}],
+            "obstacles": [{"plane": [0,1,0,-9]}],
+            "simulate": {"dt": 0.01, "duration": 0.1, "every": 0.1}})"));
+    while (simulation.steps_done() < simulation.num_steps())
+        simulation.step();
+    EXPECT_TRUE(simulation.report().is_converged);
+    EXPECT_NEAR(simulation.bodies()[0].at.y(), -9.81 * 1e-4 * 10 * 11 / 2, 1e-9);
+    EXPECT_LT(simulation.nets()[0].points[1].y(), 0.0);
+    for (const Eigen::Vector3d& p : simulation.stage(6).samples)
+        EXPECT_TRUE(p.allFinite());
+}
+
 } // namespace cellwarp
