@@ -53,8 +53,9 @@ constexpr double kSharp = 0.25, kNotSharp = 0.2; ///< radius times curvature
 /// cross, so that little of them overlaps.
 constexpr double kHardness = 1.0;
 constexpr double kAtEnd = 10.4; ///< how much looser a free end is
-/// Friction agrees with what presses, to that share.
-constexpr double kAgrees = 1e-3;
+/// Friction agrees with what presses, to that share; weak contacts to that of a tenth of
+/// the strongest.
+constexpr double kAgrees = 3e-3, kWeak = 0.1;
 /// Contacts of two steps are one where their balls are so near along the rods, of the
 /// radius, and their normals so near, by cosine.
 constexpr double kSameBall = 0.2, kSameNormal = 0.7;
@@ -423,16 +424,21 @@ Vector3d RodContacts::slip(const Contact& contact, const Vector3d& y) const
 
 ArticulableObject::Again RodContacts::again(bool is_last)
 {
-    bool agrees = true;
+    if (settings_.friction == 0.0)
+        return ArticulableObject::Again::No;
+    std::vector<double> before;
+    double strongest = 0.0;
     for (Contact& contact : contacts_)
     {
-        if (settings_.friction == 0.0)
-            break;
-        const double before = contact.grip;
+        before.push_back(contact.grip);
         contact.grip = settings_.friction * press(contact, between(contact, false));
-        agrees = agrees && std::abs(contact.grip - before) <=
-                               kAgrees * std::max(contact.grip, before);
+        strongest = std::max(strongest, contact.grip);
     }
+    bool agrees = true;
+    for (std::size_t k = 0; k < contacts_.size(); ++k)
+        agrees = agrees && std::abs(contacts_[k].grip - before[k]) <=
+                               kAgrees * std::max({contacts_[k].grip, before[k],
+                                                   kWeak * strongest});
     return agrees || is_last ? ArticulableObject::Again::No
                              : ArticulableObject::Again::FromHere;
 }

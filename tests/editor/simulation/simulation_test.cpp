@@ -1039,6 +1039,46 @@ TEST(Simulation, an_impact_rubs_by_coulombs_law_at_any_step)
     }
 }
 
+TEST(Simulation, a_rope_over_a_ball_holds_and_slips_as_the_capstan_says)
+{
+    // Two weights on half a turn, friction 0.3: it holds up to a ratio of e^(0.3 pi) =
+    // 2.566; beyond the weights go by (m_2 - 2.566 m_1) g / (m_2 + 2.566 m_1).
+    const auto sunk = [](double heavy)
+    {
+        const auto number = [](double x) { return std::to_string(x); };
+        std::string points;
+        const auto add = [&](double x, double y)
+        {
+            points += points.empty() ? "" : ",";
+            points += "[" + number(x) + "," + number(y) + ",0]";
+        };
+        add(-0.052, -0.1);
+        add(-0.052, -0.05);
+        for (int k = 0; k <= 12; ++k)
+            add(-0.052 * std::cos(std::numbers::pi * k / 12.0),
+                0.052 * std::sin(std::numbers::pi * k / 12.0));
+        add(0.052, -0.05);
+        add(0.052, -0.1);
+        Simulation simulation(parse_rod_scene(
+            "s.json", R"({"cellwarp": 1, "rods": [{"name": "r", "through": [)" + points +
+                          R"(], "spans": 3, "radius": 0.002, "E": 1e8, "EI": [1e-6, 1e-6],
+                "GJ": 1e-6}], "bodies": [{"at": [-0.052,-0.11,0], "mass": 0.1},
+                {"at": [0.052,-0.11,0], "mass": )" +
+                          number(heavy) + R"(}], "joints": [
+                {"a": "rod r 0", "b": "body body1 0 0.01 0"},
+                {"a": "rod r 1", "b": "body body2 0 0.01 0"}],
+                "obstacles": [{"sphere": [0,0,0,0.05]}],
+                "contact": {"friction": 0.3, "self": false},
+                "simulate": {"dt": 1e-3, "duration": 0.6, "every": 0.6}})"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        return -0.11 - simulation.bodies()[1].at.y();
+    };
+    EXPECT_LT(sunk(0.24), 2e-3);
+    EXPECT_NEAR(sunk(0.27), 0.5 * 0.24899 * 0.36, 2.5e-3);
+}
+
 TEST(Simulation, friction_holds_in_statics_as_in_time)
 {
     // A rod along z in a groove of 20 and 60 degrees, 0.1 m up the gentle side.
