@@ -138,6 +138,24 @@ void read_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
                 });
 }
 
+void read_sizes(RodReader& reader, RodScene& scene, const std::string& prefix,
+                std::vector<SizeKey>& keys)
+{
+    double last = -1.0;
+    reader.each("keys",
+                [&](const Json& value, const std::string& name)
+                {
+                    RodReader key(value, scene, prefix + name + ".", scene.warnings);
+                    SizeKey& out = keys.emplace_back();
+                    key.read("time", 0.0, kHuge, out.time);
+                    key.read("size", -kHuge, kHuge, out.size);
+                    if (!(out.time > last))
+                        key.object().fail("time", "need times that rise");
+                    last = out.time;
+                    key.object().warn_of_the_rest();
+                });
+}
+
 void read_hold(RodReader& reader, RodScene& scene, const std::string& prefix,
                RodHold& hold)
 {
@@ -751,6 +769,10 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
                     of.read("at", 0.0, 1.0, load.at);
                     of.read("force", load.force);
                     of.read("moment", load.moment);
+                    of.read("from", 0.0, kHuge, load.from);
+                    if (of.object().find("until"))
+                        of.read("until", load.from, kHuge, load.until.emplace(0.0));
+                    read_sizes(of, scene, prefix + key + ".", load.keys);
                     of.object().warn_of_the_rest();
                 });
     reader.each("springs",

@@ -64,10 +64,19 @@ struct RodOn
     std::optional<SlideStatement> other_slide;
 };
 
+/// How large something is at a time; linear between two of them.
+struct SizeKey
+{
+    double time = 0.0, size = 1.0; ///< [s], a share
+};
+
 struct RodPull
 {
     double at = 1.0;
-    Triple force{}, moment{}; ///< [N], [N m]
+    Triple force{}, moment{};    ///< [N], [N m]
+    double from = 0.0;           ///< [s]
+    std::optional<double> until; ///< [s]
+    std::vector<SizeKey> keys;   ///< none: 1
 };
 
 /// From a place of the rod to one of the world.

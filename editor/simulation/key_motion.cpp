@@ -70,6 +70,20 @@ Motion motion_of(const RodKey& key, const Eigen::Vector3d& about)
     return {R, about - R * about + vector_of(key.translate)};
 }
 
+double size_at(const RodPull& load, double time)
+{
+    if (time < load.from || (load.until && time > *load.until))
+        return 0.0;
+    if (load.keys.empty())
+        return 1.0;
+    const auto next = std::find_if(load.keys.begin(), load.keys.end(),
+                                   [&](const SizeKey& key) { return key.time > time; });
+    if (next == load.keys.begin() || next == load.keys.end())
+        return next == load.keys.end() ? load.keys.back().size : next->size;
+    const SizeKey &a = *(next - 1), &b = *next;
+    return a.size + (time - a.time) / (b.time - a.time) * (b.size - a.size);
+}
+
 double turned(const std::vector<RodKey>& keys, double begin, double end)
 {
     double sum = 0.0;

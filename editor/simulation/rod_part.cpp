@@ -159,6 +159,8 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
             {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
     add_springs();
     hold_at(0.0, 1.0);
+    if (scene.is_static())
+        set_loads(scene.duration);
     is_cut_.assign(statement_.cuts.size(), 0);
     if (const auto& refine = statement_.refine)
         refinement_.emplace(RefinementSettings{refine->insert, refine->remove,
@@ -410,6 +412,7 @@ double RodPart::length(const Piece& piece) const
 void RodPart::hold_at(double time, double share)
 {
     model.stop_leading();
+    set_loads(time);
     for (Held& held : held_)
     {
         const Motion motion = motion_at(*held.keys, time, held.place, share);
@@ -446,12 +449,16 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
         }
         held.R = end.R;
     }
-    if (ways.empty())
+    const bool changes_loads = this->changes_loads();
+    if (ways.empty() && !changes_loads)
         return;
     const double duration = to.time - from.time;
     model.lead(
-        [this, ways = std::move(ways), duration](double share)
+        [this, ways = std::move(ways), duration, changes_loads,
+         begin = from.time](double share)
         {
+            if (changes_loads)
+                set_loads(begin + share * duration);
             for (const Way& one : ways)
             {
                 const double angle = one.turn.norm();
@@ -469,7 +476,25 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
                 }
             }
         },
-        duration);
+        duration, changes_loads);
+}
+
+bool RodPart::changes_loads() const
+{
+    return std::any_of(statement_.loads.begin(), statement_.loads.end(),
+                       [](const RodPull& load)
+                       { return load.from > 0.0 || load.until || !load.keys.empty(); });
+}
+
+void RodPart::set_loads(double time)
+{
+    for (std::size_t k = 0; k < statement_.loads.size(); ++k)
+    {
+        const RodPull& load = statement_.loads[k];
+        const double size = size_at(load, time);
+        model.loads[k].force = size * vector_of(load.force);
+        model.loads[k].moment = size * vector_of(load.moment);
+    }
 }
 
 RodConstraint* RodPart::spin_of(const Held& held)

@@ -54,8 +54,8 @@ public:
     /// Something of the world does.
     bool is_held() const { return !model.is_free() || has_springs_; }
 
-    /// Brings what keys hold to where it is at a time, at rest; \p share: of what they
-    /// say.
+    /// Brings what keys hold to where it is at a time, at rest, and loads to what they
+    /// are then; \p share: of what keys of holds say.
     void hold_at(double time, double share);
     /// A moment of keys: a time [s], and the share of what they say.
     struct KeyTime
@@ -63,7 +63,7 @@ public:
         double time = 0.0, share = 1.0;
     };
     /// In the next steps what keys hold goes evenly from one moment to the other, which
-    /// are less than half a turn apart.
+    /// are less than half a turn apart, and loads are what they are at each time.
     void lead(const KeyTime& from, const KeyTime& to);
     /// How far keys turn between two times, at the most; and all of them from rest
     /// [degree].
@@ -137,6 +137,8 @@ private:
     void bring(const Held& held, const Eigen::Vector3d& place, const Eigen::Matrix3d& R,
                const Eigen::Vector3d& speed, const Eigen::Vector3d& turning);
     void spin(Held& held, const Eigen::Matrix3d& R);
+    void set_loads(double time);
+    bool changes_loads() const;
     RodConstraint* spin_of(const Held& held);
     bool has_tangent(double at) const;
     std::vector<Held> held_;

@@ -177,8 +177,10 @@ void RodModel::add_drags(double scale, BandMatrix& out) const
     }
 }
 
-void RodModel::lead(std::function<void(double share)> hold, double duration)
+void RodModel::lead(std::function<void(double share)> hold, double duration,
+                    bool changes_loads)
 {
+    changes_loads_ = changes_loads;
     hold_ = std::move(hold);
     duration_ = duration;
     lead_to(0.0);
@@ -187,6 +189,7 @@ void RodModel::lead(std::function<void(double share)> hold, double duration)
 void RodModel::stop_leading()
 {
     hold_ = nullptr;
+    changes_loads_ = false;
     duration_ = time_led_ = 0.0;
     for (RodConstraint& constraint : constraints)
     {

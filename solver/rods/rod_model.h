@@ -98,7 +98,10 @@ public:
     /// of the way that they go in the next \p duration [s], evenly; steps call it for
     /// each moment that they look at. It is called for the begin at once. Steps beyond
     /// the duration need another lead, or none.
-    void lead(std::function<void(double share)> hold, double duration);
+    /// \p changes_loads: it sets loads, too.
+    void lead(std::function<void(double share)> hold, double duration,
+              bool changes_loads = false);
+    bool changes_loads() const { return changes_loads_; }
     /// Constraints stay where they are.
     void stop_leading();
     /// How much of duration is over [s]; without a lead 0.
@@ -150,6 +153,7 @@ private:
     mutable std::vector<HeldBasis> held_; ///< of constraints that were asked for
     std::function<void(double)> hold_;    ///< of a lead
     double duration_ = 0.0, time_led_ = 0.0;
+    bool changes_loads_ = false;
 };
 
 /// out += scale * L^T lambda

@@ -382,7 +382,7 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& rod_velocity,
     // lower one. What is unstable grows in every step; now and then is enough.
     const bool is_watched = num_explicit_++ % kWatched == 0 && !model_.has_couples() &&
                             model_.pushed.size() == 0 && !model_.is_led() &&
-                            keeps_constraints(begin);
+                            !model_.changes_loads() && keeps_constraints(begin);
     const double before = is_watched ? energy(begin, velocity.head(of_rod)) : 0.0;
     struct Stage
     {

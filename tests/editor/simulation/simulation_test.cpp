@@ -1421,4 +1421,36 @@ TEST(Simulation, bodies_and_nets_go_without_rods)
         EXPECT_TRUE(p.allFinite());
 }
 
+TEST(Simulation, loads_begin_grow_and_end)
+{
+    // The momentum of a free rod is the impulse of its load.
+    const auto pushed = [](const std::string& rule, const std::string& times)
+    {
+        Simulation simulation(scene_of(
+            kLine + R"(, "loads": [{"at": 0.5, "force": [0,2,0], )" + times + "}]",
+            R"({"duration": 0.1, "every": 0.1, "gravity": [0,0,0], "integrator": ")" +
+                rule + "}"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        return report.momentum.y();
+    };
+    const std::string ramp =
+                          R"("keys": [{"time": 0, "size": 0}, {"time": 0.1, "size": 1}])",
+                      window = R"("from": 0.02, "until": 0.06)";
+    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", ramp), 0.1, 1e-9);
+    EXPECT_NEAR(pushed(R"(midpoint", "dt": 1e-3)", ramp), 0.1, 2e-3);
+    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", ramp), 0.1 * 1.01, 1e-9);
+    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", window), 0.08, 3e-4);
+    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", window), 0.08, 3e-3);
+    // In statics they are what they are at the end.
+    Simulation still(scene_of(
+        kLine + R"(, "fixed": [{"what": ["point","tangent","twist"]}], "loads": [{
+           "force": [0,-1,0], "until": 0.5}])",
+        R"({"integrator": "static", "gravity": [0,0,0]})"));
+    still.step();
+    EXPECT_EQ(still.rods(2)[0].curve[1].y(), 0.0);
+}
+
 } // namespace cellwarp
