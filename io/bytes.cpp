@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <mutex>
 #include <set>
 #include <utility>
@@ -23,27 +24,48 @@
 namespace cellwarp
 {
 
+/// A temporary that exists now. Entries are only ever added and used again, because a
+/// signal handler walks the list: one is claimed by a thread, then has a name, then is
+/// listed.
+struct TemporaryName
+{
+    std::atomic<bool> is_claimed = true, is_listed = false;
+    char path[PATH_MAX];
+    TemporaryName* next = nullptr;
+};
+
 namespace
 {
+
+std::atomic<TemporaryName*> temporaries;
+
+TemporaryName* claim_temporary_name()
+{
+    for (TemporaryName* name = temporaries.load(); name; name = name->next)
+        if (!name->is_claimed.exchange(true))
+            return name;
+    TemporaryName* const name = new TemporaryName;
+    name->next = temporaries.load();
+    while (!temporaries.compare_exchange_weak(name->next, name))
+        ;
+    return name;
+}
+
+void free_name(TemporaryName*& name)
+{
+    if (!name)
+        return;
+    name->is_listed.store(false);
+    name->is_claimed.store(false);
+    name = nullptr;
+}
 
 namespace fs = std::filesystem;
 
 /// Bytes gathered before a write call: large enough that the calls cost nothing.
 constexpr std::size_t kBufferBytes = std::size_t(1) << 20;
 
-/// Temporaries that exist now. Fixed storage, because a signal handler reads it.
-/// A slot is claimed by one thread, then holds a name, then is listed.
-constexpr int kSlots = 64;
-char temporaries[kSlots][PATH_MAX];
-std::atomic<bool> claimed[kSlots], listed[kSlots];
-
 std::atomic<bool> writes_to_stdout;
-
-void free_slot(int slot)
-{
-    listed[slot].store(false);
-    claimed[slot].store(false);
-}
 
 Error file_error(const std::string& path, const std::string& what)
 {
@@ -81,23 +103,28 @@ mode_t file_mask()
     return mask;
 }
 
+/// Whether a call failed because the file system or the kernel does not have it.
+bool is_lacking()
+{
+    return errno == EINVAL || errno == ENOSYS || errno == EOPNOTSUPP;
+}
+
 /// A rename that replaces nothing. False and errno where it fails: EEXIST where the new
 /// name is taken.
 bool rename_to_free_name(const char* from, const char* to)
 {
-    const auto is_lacking = [] { return errno == EINVAL || errno == ENOSYS; };
     if (::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE) == 0)
         return true;
     if (!is_lacking())
         return false;
-    // This file system (or kernel) cannot: the file gets a second name, which fails where
-    // that is taken, and loses the first one.
+    // The file gets a second name, which fails where that is taken, and loses the first
+    // one.
     if (::link(from, to) == 0)
     {
         ::unlink(from);
         return true;
     }
-    if (errno != EPERM && errno != EOPNOTSUPP && !is_lacking())
+    if (errno != EPERM && !is_lacking())
         return false;
     // Nor has it second names: between the look and the rename is a gap.
     struct stat status
@@ -120,14 +147,10 @@ bool is_same_file(int file, const char* name)
            open_file.st_dev == named.st_dev && open_file.st_ino == named.st_ino;
 }
 
-/// Whether two files have changed their names; not where the second is no regular file.
+/// False and errno where two files could not exchange their names.
 bool exchange(const char* from, const char* to)
 {
-    struct stat status
-    {
-    };
-    return ::lstat(to, &status) == 0 && S_ISREG(status.st_mode) &&
-           ::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_EXCHANGE) == 0;
+    return ::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_EXCHANGE) == 0;
 }
 
 /// How temporaries are called: one of these, then what makes the name the only one.
@@ -171,8 +194,56 @@ void sweep(int folder, const char* name)
         ::unlinkat(folder, name, 0);
 }
 
+/// Locks of files beyond these are one lock of their folder, so that a run of thousands
+/// of outputs does not have thousands of open files.
+constexpr int kMostFileLocks = 64;
+std::atomic<int> num_file_locks;
+
+/// Keeps others from sweeping a folder, while somebody has it; null where there are no
+/// locks.
+std::shared_ptr<const Descriptor> lock_of_folder(const std::string& folder)
+{
+    static std::mutex mutex;
+    static std::map<std::string, std::weak_ptr<const Descriptor>> all;
+    const std::lock_guard one_at_a_time(mutex);
+    std::weak_ptr<const Descriptor>& known = all[folder];
+    std::shared_ptr<const Descriptor> held = known.lock();
+    if (held)
+        return held;
+    Descriptor opened(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (!opened || !lock(opened.get(), LOCK_SH))
+        return nullptr;
+    known = held = std::make_shared<const Descriptor>(std::move(opened));
+    return held;
+}
+
+/// Takes a file that is locked already.
+std::shared_ptr<const Descriptor> kept_lock(Descriptor file, const std::string& folder)
+{
+    if (num_file_locks >= kMostFileLocks)
+        if (std::shared_ptr<const Descriptor> of_all = lock_of_folder(folder))
+            return of_all;
+    ++num_file_locks;
+    return {new Descriptor(std::move(file)), [](const Descriptor* lock)
+            {
+                delete lock;
+                --num_file_locks;
+            }};
+}
+
+/// Locks a file as sweep() does: what cannot be opened so is not swept.
+std::shared_ptr<const Descriptor> lock_of_file(const char* name,
+                                               const std::string& folder)
+{
+    Descriptor file(::open(name, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+    if (!file)
+        return nullptr;
+    lock(file.get(), LOCK_EX | LOCK_NB);
+    return kept_lock(std::move(file), folder);
+}
+
 /// Removes what killed runs have left in a folder, when this process first writes there.
-/// What cannot be removed stays.
+/// What cannot be removed stays, and all where a run holds the lock of the folder.
 void sweep_folder(const std::string& folder)
 {
     static std::mutex mutex;
@@ -183,9 +254,10 @@ void sweep_folder(const std::string& folder)
     DIR* const entries = ::opendir(folder.c_str());
     if (!entries)
         return;
-    while (const struct dirent* entry = ::readdir(entries))
-        if (is_temporary_name(entry->d_name))
-            sweep(::dirfd(entries), entry->d_name);
+    if (lock(::dirfd(entries), LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
+        while (const struct dirent* entry = ::readdir(entries))
+            if (is_temporary_name(entry->d_name))
+                sweep(::dirfd(entries), entry->d_name);
     ::closedir(entries);
 }
 
@@ -368,6 +440,7 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     sweep_folder(folder);
     temporary_ = (folder == "." ? std::string() : folder + "/") + std::string(kSaveName) +
                  std::string(kUnique);
+    listed_ = claim_temporary_name();
     file_ = make_temporary(temporary_);
     if (!file_)
     {
@@ -376,13 +449,10 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
         errno = error;
         fail("cannot create a file beside it");
     }
-    for (int i = 0; i < kSlots && slot_ < 0; ++i)
-        if (temporary_.size() < PATH_MAX && !claimed[i].exchange(true))
-            slot_ = i;
-    if (slot_ >= 0)
+    if (temporary_.size() < PATH_MAX)
     {
-        std::memcpy(temporaries[slot_], temporary_.c_str(), temporary_.size() + 1);
-        listed[slot_].store(true);
+        std::memcpy(listed_->path, temporary_.c_str(), temporary_.size() + 1);
+        listed_->is_listed.store(true);
     }
     struct stat old
     {
@@ -402,13 +472,12 @@ AtomicFile::~AtomicFile()
 void AtomicFile::discard() noexcept
 {
     file_.close();
-    lock_.close();
     if (!temporary_.empty())
         ::unlink(temporary_.c_str());
-    if (slot_ >= 0)
-        free_slot(slot_);
-    slot_ = -1;
     temporary_.clear();
+    lock_.reset();
+    replaced_lock_.reset();
+    free_name(listed_);
 }
 
 void AtomicFile::fail(const std::string& doing)
@@ -451,45 +520,111 @@ void AtomicFile::finish()
     if (lock_)
         return;
     flush();
-    if (::fsync(file_.get()) != 0)
+    std::string().swap(buffer_);
+    struct stat status
+    {
+    };
+    if (::fsync(file_.get()) != 0 || ::fstat(file_.get(), &status) != 0)
         fail("cannot write");
+    device_ = status.st_dev;
+    inode_ = status.st_ino;
+    seconds_ = status.st_mtim.tv_sec;
+    nanoseconds_ = status.st_mtim.tv_nsec;
     // Closing tells of errors; the lock is held on until the name is in place.
-    lock_ = Descriptor(::fcntl(file_.get(), F_DUPFD_CLOEXEC, 3));
-    if (!lock_ || !file_.close())
+    Descriptor same(::fcntl(file_.get(), F_DUPFD_CLOEXEC, 3));
+    if (!same)
+        fail("cannot write");
+    lock_ = kept_lock(std::move(same), folder_of(target_));
+    if (!file_.close())
         fail("cannot write");
 }
 
-void AtomicFile::put_in_place(Replaced replaced)
+void AtomicFile::fail_because_of_target()
+{
+    discard();
+    check_output(path_, overwrite_); // tells what stands there now
+    throw file_error(path_, "existed already when it was to be put in place");
+}
+
+bool AtomicFile::try_put_in_place()
 {
     const char* const from = temporary_.c_str();
     const char* const to = target_.c_str();
-    if (overwrite_ == Overwrite::Yes && replaced == Replaced::Kept && exchange(from, to))
+    struct stat status
     {
-        undo_ = Undo::Exchange; // the temporary name is the old file's now
-        return;
-    }
-    const bool is_kept_free = overwrite_ == Overwrite::No || replaced == Replaced::Kept;
-    if (is_kept_free && rename_to_free_name(from, to))
-        undo_ = Undo::Remove;
-    else if (overwrite_ == Overwrite::No && errno == EEXIST)
+    };
+    if (overwrite_ == Overwrite::Yes && ::lstat(to, &status) == 0)
     {
-        discard();
-        check_output(path_, overwrite_); // tells what stands there now
-        throw file_error(path_, "existed already when it was to be put in place");
+        if (!S_ISREG(status.st_mode))
+            fail_because_of_target();
+        // Nobody sweeps the old file under the temporary name.
+        const std::string folder = folder_of(target_);
+        replaced_lock_ = lock_of_file(to, folder);
+        if (exchange(from, to))
+        {
+            undo_ = Undo::Exchange;
+            if (replaced_lock_ && !is_same_file(replaced_lock_->get(), from))
+                replaced_lock_ = lock_of_file(from, folder);
+            return true;
+        }
+        const int error = errno;
+        replaced_lock_.reset();
+        errno = error;
+        if (is_lacking())
+            return false;
+        if (errno != ENOENT) // else it has gone
+            fail("cannot put it in place");
     }
-    else if (overwrite_ == Overwrite::No || ::rename(from, to) != 0)
+    if (!rename_to_free_name(from, to))
+    {
+        if (errno != EEXIST)
+            fail("cannot put it in place");
+        if (overwrite_ == Overwrite::Yes)
+            return false;
+        fail_because_of_target();
+    }
+    undo_ = Undo::Remove;
+    give_name();
+    return true;
+}
+
+void AtomicFile::put_in_place()
+{
+    if (overwrite_ == Overwrite::No)
+        try_put_in_place();
+    else if (::rename(temporary_.c_str(), target_.c_str()) == 0)
+        give_name();
+    else
         fail("cannot put it in place");
+}
+
+/// The temporary name is no more.
+void AtomicFile::give_name()
+{
     temporary_.clear();
-    if (slot_ >= 0)
-        free_slot(std::exchange(slot_, -1));
+    free_name(listed_);
+}
+
+/// Whether the target is the file that was written here.
+bool AtomicFile::is_in_place() const
+{
+    struct stat status
+    {
+    };
+    return ::lstat(target_.c_str(), &status) == 0 && status.st_dev == device_ &&
+           status.st_ino == inode_ && status.st_mtim.tv_sec == seconds_ &&
+           status.st_mtim.tv_nsec == nanoseconds_;
 }
 
 void AtomicFile::take_back() noexcept
 {
-    if (undo_ == Undo::Exchange)
-        exchange(temporary_.c_str(), target_.c_str());
-    else if (undo_ == Undo::Remove && is_same_file(lock_.get(), target_.c_str()))
-        ::unlink(target_.c_str());
+    if (undo_ != Undo::Impossible && is_in_place())
+    {
+        if (undo_ == Undo::Exchange)
+            exchange(temporary_.c_str(), target_.c_str());
+        else
+            ::unlink(target_.c_str());
+    }
     undo_ = Undo::Impossible;
     discard();
 }
@@ -503,7 +638,7 @@ void AtomicFile::settle() noexcept
 void AtomicFile::commit()
 {
     finish();
-    put_in_place(Replaced::Dropped);
+    put_in_place();
     settle();
 }
 
@@ -564,9 +699,9 @@ void write_file(const std::string& path, std::string_view bytes, Overwrite overw
 
 void remove_unfinished_outputs() noexcept
 {
-    for (int i = 0; i < kSlots; ++i)
-        if (listed[i].load())
-            ::unlink(temporaries[i]);
+    for (const TemporaryName* name = temporaries.load(); name; name = name->next)
+        if (name->is_listed.load())
+            ::unlink(name->path);
 }
 
 } // namespace cellwarp

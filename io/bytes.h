@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -61,6 +62,8 @@ enum class Overwrite
 /// that is no regular file or that may not be written.
 void check_output(const std::string& path, Overwrite overwrite);
 
+struct TemporaryName; // io/bytes.cpp
+
 /// A file that appears whole or not at all: written beside its target under a
 /// temporary name, synced, then renamed. What is not committed is removed, also
 /// when a signal ends the program (see remove_unfinished_outputs). What a killed run left
@@ -85,41 +88,48 @@ public:
     /// All is on the disk and closed, still under the temporary name; nothing can be
     /// written after it. Throws Fault::File.
     void finish();
-    /// Whether the file that is replaced is kept, so that take_back() can put it back.
-    enum class Replaced
-    {
-        Dropped,
-        Kept ///< as far as the file system can exchange two files
-    };
-    /// The finished file gets its name. Throws Fault::File.
-    void put_in_place(Replaced replaced);
-    /// Undoes put_in_place() with Replaced::Kept.
+    /// The finished file gets its name, so that take_back() can undo it. False, and
+    /// nothing is done, if it replaces a file on a file system that cannot exchange two.
+    /// Throws Fault::File.
+    bool try_put_in_place();
+    /// The finished file gets its name; a file that it replaces is gone. Throws
+    /// Fault::File.
+    void put_in_place();
+    /// Undoes try_put_in_place(); a file that another program has put there since stays.
     void take_back() noexcept;
     /// Drops what was replaced; that the name stands there is on the disk too.
     void settle() noexcept;
 
 private:
-    /// How take_back() gets the former state.
+    /// Method by which take_back() restores the former state.
     enum class Undo
     {
         Impossible,
         Remove,
         Exchange
     };
+    /// A lock that keeps a file from being swept.
+    using Lock = std::shared_ptr<const Descriptor>;
     void flush();
     void put(std::string_view bytes);
+    void give_name();
+    bool is_in_place() const;
     void discard() noexcept;
     [[noreturn]] void fail(const std::string& doing);
+    [[noreturn]] void fail_because_of_target();
 
     std::string path_;      ///< as the user named it, for messages
     std::string target_;    ///< where it ends, links resolved
     std::string temporary_; ///< empty: there is none
     std::string buffer_;
     Descriptor file_;
-    Descriptor lock_; ///< of the finished file: nobody sweeps it
+    Lock lock_;          ///< of the finished file; null: it is not finished
+    Lock replaced_lock_; ///< of the file that has the temporary name by an exchange
+    std::uint64_t device_ = 0, inode_ = 0;       ///< of the finished file
+    std::int64_t seconds_ = 0, nanoseconds_ = 0; ///< when it was written last
     Overwrite overwrite_;
     Undo undo_ = Undo::Impossible;
-    int slot_ = -1; ///< in the table that the signal handler reads
+    TemporaryName* listed_ = nullptr; ///< in the list that the signal handler reads
 };
 
 /// A file that appears whole or not at all, or stdout for "-", which takes at once what

@@ -73,7 +73,7 @@ enum class Kind
     Other
 };
 
-/// Of columns 4 to 6.
+/// Classifies columns 4 to 6 of a row.
 Kind kind_of(std::span<const Token> fields)
 {
     std::array<double, 3> n;

@@ -31,8 +31,8 @@ struct Where
     std::string field;
 };
 
-/// What is to be said of a place; as text "FILE:LINE: FIELD: what", without the parts
-/// that are not known.
+/// A message and its place; as text "FILE:LINE: FIELD: what", without the parts that are
+/// not known.
 struct Remark
 {
     Where where;
@@ -42,7 +42,7 @@ struct Remark
     operator std::string() const { return text(); }
 };
 
-/// What is said of a place, for an Error or (as text) a warning.
+/// A remark about a place, for an Error or (as text) a warning.
 Remark at(const Where& where, const std::string& what);
 
 class Error : public std::exception

@@ -157,7 +157,7 @@ struct Geometry
     /// Of a file that is read part by part: what earlier parts held. The corners of
     /// an OBJ count from the file's first sample, all other indices from this part's.
     std::uint64_t samples_before = 0, directions_before = 0;
-    /// What is not finite, and stays as it is; points without a place.
+    /// Counts of non-finite values, kept as they are; points without a place.
     std::size_t num_bad_normals = 0, num_bad_rotations = 0, num_missing = 0;
 
     /// Up to here, with the earlier parts.

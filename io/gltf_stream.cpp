@@ -108,6 +108,7 @@ private:
     void show(double done) const;
 
     std::string output_path_;
+    OutputSet& outputs_;
     const StreamOptions& options_;
     const StreamWork& work_;
     InputFile input_;
@@ -117,7 +118,6 @@ private:
     SpillFile body_;                       ///< the buffers one after the other, moved
     OutputFile* output_ = nullptr;
     std::vector<std::string> companions_;
-    std::vector<OutputFile*> beside_;
     std::uint64_t num_samples_ = 0, num_bad_vectors_ = 0;
     StreamReport report_;
 };
@@ -125,7 +125,7 @@ private:
 GltfStream::GltfStream(const std::string& input, const std::string& output,
                        const std::string& format, OutputSet& outputs,
                        const StreamOptions& options, const StreamWork& work)
-    : output_path_(output), options_(options), work_(work),
+    : output_path_(output), outputs_(outputs), options_(options), work_(work),
       input_(input), file_{input, {}, {}}, body_(spill_folder(output))
 {
     file_.geometry.format = format;
@@ -141,11 +141,8 @@ GltfStream::GltfStream(const std::string& input, const std::string& output,
         if (file_.gltf->buffers[b].kind != Kind::Again)
             own_buffers_.push_back(b);
     check_geometry_output(output, file_, outputs.overwrite());
+    check_output(output, outputs.overwrite());
     companions_ = companion_paths(*file_.gltf, output);
-    for (const std::string& path : companions_)
-        beside_.push_back(&outputs.add(path));
-    // The file comes last, so that what it names is there.
-    output_ = &outputs.add(output);
 }
 
 void GltfStream::read_whole()
@@ -556,7 +553,13 @@ void GltfStream::write()
     std::size_t num_beside = 0;
     for (const GltfLayout::Buffer& buffer : layout.buffers)
         if (buffer.kind == Kind::Beside)
-            copy_body(buffer, *beside_[num_beside++]);
+        {
+            OutputFile& beside = outputs_.add(companions_[num_beside++]);
+            copy_body(buffer, beside);
+            beside.file()->finish();
+        }
+    // The file comes last, so that what it names is there.
+    output_ = &outputs_.add(output_path_);
     if (is_binary)
         put(*output_, glb_head(file_.bytes, layout.json, json.size()));
     put(*output_, json);
@@ -669,8 +672,9 @@ StreamReport GltfStream::run_whole()
         return std::move(report_);
     }
     const PatchedGltf result = patched_gltf(file_, patch, output_path_);
-    for (std::size_t k = 0; k < beside_.size(); ++k)
-        put(*beside_[k], result.companions[k].bytes);
+    for (const Companion& companion : result.companions)
+        outputs_.write(companion.path, companion.bytes);
+    output_ = &outputs_.add(output_path_);
     put(*output_, result.bytes);
     input_.check_unchanged();
     num_samples_ = geometry.samples.size();

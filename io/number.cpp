@@ -38,7 +38,7 @@ bool is_underflow(std::string_view token)
     return power + std::clamp(exponent, -kMost, kMost) < 0;
 }
 
-/// What older C libraries write instead of a number: 1.#INF, -1.#IND, 1.#QNAN00.
+/// Parses non-finite numbers of older C libraries: 1.#INF, -1.#IND, 1.#QNAN00.
 std::optional<double> parse_not_finite(std::string_view token)
 {
     const bool is_negative = token.starts_with('-');

@@ -81,11 +81,6 @@ bool passes_through(std::string_view word)
     return std::find(std::begin(known), std::end(known), word) != std::end(known);
 }
 
-} // namespace
-
-namespace
-{
-
 bool has_comment(std::string_view line)
 {
     for (std::size_t at = line.find('#'); at != std::string_view::npos;
@@ -103,10 +98,9 @@ std::string_view first_word(std::string_view line)
     return word.text;
 }
 
-/// Whether the backslash at the end of a line continues its statement: that of a comment
-/// does not, nor does that of a name (a folder, say) if the next line is a statement.
-bool is_continued(std::string_view statement, std::string_view line,
-                  std::string_view next_line)
+/// Whether the backslash at the end of a statement continues it: that of a name (a
+/// folder, say) does not if the next line is a statement.
+bool is_continued(std::string_view statement, std::string_view next_line)
 {
     static constexpr std::string_view of_names[] = {"mtllib", "usemtl", "usemap",
                                                     "maplib", "o",      "g"};
@@ -114,8 +108,8 @@ bool is_continued(std::string_view statement, std::string_view line,
         "v", "vn", "vt", "vp", "f", "fo", "l", "p", "g", "o", "usemtl", "s", "mtllib"};
     const auto is_among = [](const auto& words, std::string_view word)
     { return std::find(std::begin(words), std::end(words), word) != std::end(words); };
-    return !has_comment(line) && !(is_among(of_names, first_word(statement)) &&
-                                   is_among(begins, first_word(next_line)));
+    return !is_among(of_names, first_word(statement)) ||
+           !is_among(begins, first_word(next_line));
 }
 
 } // namespace
@@ -147,7 +141,7 @@ std::size_t ObjScanner::scan(std::string_view part, std::uint64_t start, bool is
                 line = joined_;
                 break;
             }
-            if (!is_continued(joined_, last, next))
+            if (!is_continued(joined_, next))
             {
                 is_read = true;
                 line = joined_;
@@ -389,7 +383,7 @@ std::uint32_t ObjScanner::resolve(std::int64_t index, std::int64_t read,
     return static_cast<std::uint32_t>(value);
 }
 
-/// Of a normal that the file may lack: the corner has none then.
+/// Resolves a normal index; kNone if the file has no such normal.
 std::uint32_t ObjScanner::normal_of(std::int64_t index, std::int64_t read,
                                     std::int64_t line)
 {

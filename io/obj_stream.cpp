@@ -175,9 +175,11 @@ void NormalPlan::turn(Read& found, const std::string& folder,
                      const std::size_t first = job * kTurnedInAJob;
                      const std::size_t size =
                          std::min(kTurnedInAJob, batch.size() - first);
-                     work.move({std::span(at).subspan(first, size),
-                                std::span(count).first(size),
-                                std::span(values).subspan(first, size)});
+                     PartMotion motion{std::span(at).subspan(first, size),
+                                       std::span(count).first(size),
+                                       std::span(values).subspan(first, size)};
+                     motion.is_first = false; // each comes in its place, too
+                     work.move(motion);
                  });
         std::string lines;
         for (std::size_t i = 0; i < batch.size(); ++i)

@@ -199,7 +199,7 @@ bool OffScanner::face_token(const Token& token, Geometry& out)
     return true;
 }
 
-/// Where the comment of a line begins. "1.#IND" and its like, which older C libraries
+/// Start of a line's comment. "1.#IND" and its like, which older C libraries
 /// write for what is no number, begin none.
 std::size_t OffScanner::comment_start(std::string_view line)
 {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/output_set.h"
 
+#include <utility>
+
 namespace cellwarp
 {
 
@@ -14,7 +16,11 @@ void OutputSet::write(const std::string& path, std::string_view bytes)
     if (path == "-")
         for_stdout_.append(bytes);
     else
-        add(path).write(bytes);
+    {
+        OutputFile& output = add(path);
+        output.write(bytes);
+        output.file()->finish();
+    }
 }
 
 void OutputSet::finish()
@@ -31,27 +37,27 @@ void OutputSet::commit()
     for (const std::unique_ptr<OutputFile>& output : files_)
         if (AtomicFile* const file = output->file())
             files.push_back(file);
+    // Stdout cannot be taken back: it is written when all files have their names, but
+    // before the first one that replaces a file beyond recall.
+    bool has_told = for_stdout_.empty();
     const auto write_stdout = [&]
     {
-        if (!for_stdout_.empty())
+        if (!std::exchange(has_told, true))
             write_file("-", for_stdout_, overwrite_);
     };
-    // New files can always be taken back, so what stands in their way is met before
-    // stdout says that all is well. Replacing can hardly fail, and not every file system
-    // can undo it: a reader that has gone, or a full disk behind stdout, is met before
-    // that.
-    const bool are_new = overwrite_ == Overwrite::No;
-    if (!are_new)
-        write_stdout();
     std::size_t num_placed = 0;
     try
     {
         for (; num_placed < files.size(); ++num_placed)
-            files[num_placed]->put_in_place(num_placed + 1 < files.size()
-                                                ? AtomicFile::Replaced::Kept
-                                                : AtomicFile::Replaced::Dropped);
-        if (are_new)
+        {
+            AtomicFile& file = *files[num_placed];
+            const bool is_end = has_told && num_placed + 1 == files.size();
+            if (!is_end && file.try_put_in_place())
+                continue;
             write_stdout();
+            file.put_in_place();
+        }
+        write_stdout();
     }
     catch (...)
     {

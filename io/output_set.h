@@ -24,14 +24,15 @@ public:
     /// A further output, for the caller to write into until commit(); of "-", stdout,
     /// what is written cannot be taken back. Throws what AtomicFile throws.
     OutputFile& add(const std::string& path);
-    /// A further output as a whole; of "-" it is kept until commit().
+    /// A further output as a whole, which is finished; of "-" it is kept until commit().
     void write(const std::string& path, std::string_view bytes);
     /// All files are on the disk, still under their temporary names. Throws Fault::File.
     void finish();
     /// Finishes all, gives the files their names in the order in which they were added,
     /// and writes what is kept for stdout. If a step fails the files before it lose their
-    /// names again, and what they replaced is back, as far as the file system can
-    /// exchange two files. Throws Fault::File.
+    /// names again, and what they replaced is back. A file system that cannot exchange
+    /// two files does not give back what was replaced; stdout is written before that.
+    /// Throws Fault::File.
     void commit();
 
 private:

@@ -531,7 +531,7 @@ std::size_t PlyScanner::keep_faces(const Element& element, std::string_view byte
     std::size_t at = 0;
     for (; record_ < element.count && at < bytes.size(); ++record_)
     {
-        // What is wrong, or not whole, is for the one that reads any record.
+        // Faulty or incomplete records go to binary_record().
         const unsigned count = static_cast<unsigned char>(bytes[at]);
         if (count < 3 || (count > 127 && list.count_type == Scalar::Int8) ||
             bytes.size() - at - 1 < 4 * std::size_t(count))

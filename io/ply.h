@@ -110,7 +110,7 @@ private:
                     Geometry& out);
     /// A sample that has to be finite; false if it has no place.
     bool keep_sample(const double* x, const std::uint64_t* starts, Geometry& out) const;
-    /// Of the sample that was kept last; false if it is none.
+    /// Adds the normal of the last sample; false if it is none.
     static bool keep_normal(const double* n, Geometry& out);
     static bool keep_rotation(const double* q, Geometry& out);
     /// Faces of a binary file whose records are one list of corners each, as long as

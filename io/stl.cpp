@@ -19,12 +19,12 @@ namespace
 {
 
 constexpr std::uint64_t kHeaderBytes = 84, kFacetBytes = 50;
+constexpr std::uint64_t kMaxFacets = ((std::uint64_t(1) << 31) - 1) / 3;
+
 bool is_comment(std::string_view word)
 {
     return word.starts_with(';') || word.starts_with('#') || word.starts_with("//");
 }
-
-constexpr std::uint64_t kMaxFacets = ((std::uint64_t(1) << 31) - 1) / 3;
 
 } // namespace
 

@@ -31,6 +31,7 @@ struct PartMotion
     std::span<Eigen::Vector3d> tangents = {};
     std::span<const std::uint32_t> rotation_samples = {};
     std::span<Eigen::Vector4d> rotations = {};
+    bool is_first = true; ///< false: these samples come again, or have come before
 };
 
 /// What the stream has others do.

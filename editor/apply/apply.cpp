@@ -88,7 +88,8 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
         const StopOnRequest scope(stop);
         try
         {
-            num_outside += deformation.num_outside(motion.samples);
+            if (motion.is_first)
+                num_outside += deformation.num_outside(motion.samples);
             deformation.carry({motion.samples,
                                {motion.direction_samples, motion.directions},
                                {motion.tangent_samples, motion.tangents},
@@ -204,7 +205,7 @@ void Batch::apply(std::size_t i)
                         [&](double done) { show(i, done); });
         if (!report.stream.is_stopped)
             outputs.commit();
-        report.status = report.stream.is_stopped ? FileStatus::Left : FileStatus::Done;
+        report.status = report.stream.is_stopped ? FileStatus::Stopped : FileStatus::Done;
     }
     catch (const Error& error)
     {
@@ -216,7 +217,7 @@ void Batch::apply(std::size_t i)
     }
     report.seconds = seconds_since(start);
     show(i, 1.0);
-    if (report.status == FileStatus::Left)
+    if (report.status == FileStatus::Stopped)
         return;
     line.status = report.status == FileStatus::Done ? "done" : "failed";
     line.samples = report.stream.samples;

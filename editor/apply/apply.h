@@ -52,7 +52,8 @@ enum class FileStatus
     Done,
     Skipped, ///< the manifest says that it is done
     Failed,
-    Left ///< not begun, because another one failed
+    Stopped, ///< midway, on request or because another one failed
+    Left     ///< likewise, and not begun
 };
 
 struct FileReport

@@ -24,8 +24,8 @@ namespace cellwarp
 namespace
 {
 
-/// How every manifest begins.
-constexpr std::string_view kMark = "#cellwarp-manifest 1";
+/// First bytes of every manifest.
+constexpr std::string_view kMark = "#cellwarp-manifest 1\t";
 constexpr std::string_view kHead =
     "#cellwarp-manifest 1\tstatus\tsamples\tseconds\toutput_bytes\tinput_bytes\t"
     "input_time\tfield\tmessage\n";
@@ -85,27 +85,50 @@ std::optional<ManifestLine> parse(std::string_view text)
         unescaped(columns[8])};
 }
 
-Error manifest_error(const std::string& path)
+/// The error of the last call of the system.
+Error manifest_error(const std::string& path, const std::string& doing)
 {
     return Error(Fault::File,
-                 at({path, 0, ""}, std::string("cannot write: ") + std::strerror(errno)));
+                 at({path, 0, ""}, "cannot " + doing + ": " + std::strerror(errno)));
 }
 
-/// Of a file that is not this program's to write.
+/// The error for a file that is no manifest.
 Error refused(const std::string& path, const std::string& what)
 {
     return Error(Fault::File, at({path, 0, ""}, what + ": it is no manifest of cellwarp, "
                                                        "will not write into it"));
 }
 
-std::string whole_text(const std::string& path, int file, std::int64_t size)
+/// The first bytes of a file: \p size, or all where it is shorter.
+std::string beginning(const std::string& path, int file, std::uint64_t size)
 {
     std::string text(static_cast<std::size_t>(size), '\0');
     const std::int64_t got = read_at(file, 0, text.data(), text.size());
     if (got < 0)
-        throw manifest_error(path);
+        throw manifest_error(path, "read");
     text.resize(static_cast<std::size_t>(got));
     return text;
+}
+
+/// The text of a manifest; it may end within its first line. Throws Fault::File for any
+/// other file, whose first bytes alone are read.
+std::string manifest_text(const std::string& path, int file)
+{
+    struct stat status
+    {
+    };
+    if (::fstat(file, &status) != 0)
+        throw manifest_error(path, "read");
+    if (!S_ISREG(status.st_mode))
+        throw refused(path, "is no regular file");
+    const std::uint64_t size = static_cast<std::uint64_t>(status.st_size);
+    const std::string mark = beginning(path, file, kMark.size());
+    const bool is_torn = size < kMark.size() && kMark.starts_with(mark);
+    if (mark != kMark && !is_torn)
+        throw refused(path, "does not begin with #cellwarp-manifest 1 and a tab");
+    if (size > kMaxFileBytes)
+        throw Error(Fault::File, at({path, 0, ""}, "is larger than 4 GiB"));
+    return beginning(path, file, size);
 }
 
 } // namespace
@@ -134,18 +157,9 @@ Manifest::Manifest(const std::string& path) : path_(path)
     {
         if (errno == ELOOP)
             throw refused(path, "is a symbolic link");
-        throw manifest_error(path);
+        throw manifest_error(path, "write");
     }
-    struct stat status
-    {
-    };
-    if (::fstat(file_.get(), &status) != 0)
-        throw manifest_error(path);
-    if (!S_ISREG(status.st_mode))
-        throw refused(path, "is no regular file");
-    const std::string old = whole_text(path, file_.get(), status.st_size);
-    if (!std::string_view(old).starts_with(kMark) && !kHead.starts_with(old))
-        throw refused(path, "does not begin with " + std::string(kMark));
+    const std::string old = manifest_text(path, file_.get());
     const std::size_t whole = old.rfind('\n') + 1;
     for (std::size_t first = 0; first < whole;)
     {
@@ -156,10 +170,10 @@ Manifest::Manifest(const std::string& path) : path_(path)
         first = end + 1;
     }
     if (whole < old.size() && ::ftruncate(file_.get(), static_cast<off_t>(whole)) != 0)
-        throw manifest_error(path);
+        throw manifest_error(path, "write");
     if (whole == 0 && ::write(file_.get(), kHead.data(), kHead.size()) !=
                           static_cast<ssize_t>(kHead.size()))
-        throw manifest_error(path);
+        throw manifest_error(path, "write");
 }
 
 const ManifestLine* Manifest::find(const std::string& input) const
@@ -179,7 +193,7 @@ void Manifest::add(const ManifestLine& line)
     if (::write(file_.get(), text.data(), text.size()) !=
             static_cast<ssize_t>(text.size()) ||
         ::fdatasync(file_.get()) != 0)
-        throw manifest_error(path_);
+        throw manifest_error(path_, "write");
 }
 
 } // namespace cellwarp

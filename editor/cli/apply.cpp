@@ -137,7 +137,7 @@ double per_second(std::uint64_t samples, double seconds)
     return seconds > 0 ? static_cast<double>(samples) / seconds : 0.0;
 }
 
-/// What one file and many have in common, after their own \p json, as text.
+/// The report as text: \p json and the keys common to one file and many.
 std::string report_text(Json json, std::uint64_t samples, double seconds,
                         const Deformation& deformation,
                         const std::vector<std::string>& warnings)
@@ -186,8 +186,7 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
         settings.format.empty() ? extension_of(input) : settings.format;
     if (input == "-" && settings.format.empty())
         throw Error(Fault::Usage, "stdin does not tell its format (need --format)");
-    if (flags.output == "-" && common.is_json)
-        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    check_stdout(flags.output, common);
     if (flags.output != "-" && extension_of(flags.output) != format)
         throw Error(Fault::Usage,
                     at({flags.output, 0, ""},
@@ -226,6 +225,8 @@ std::string name_of(FileStatus status)
         return "skipped";
     case FileStatus::Failed:
         return "failed";
+    case FileStatus::Stopped:
+        return "stopped";
     case FileStatus::Left:
         return "not begun";
     }
@@ -235,10 +236,11 @@ std::string name_of(FileStatus status)
 /// Tells every failure and how many there were; the exit code.
 int sum_up(const std::vector<BatchFile>& files, const std::vector<FileReport>& reports)
 {
-    std::size_t failed = 0, left = 0;
+    std::size_t failed = 0, stopped = 0, left = 0;
     std::set<Fault> faults;
     for (const FileReport& report : reports)
     {
+        stopped += report.status == FileStatus::Stopped;
         left += report.status == FileStatus::Left;
         if (report.status != FileStatus::Failed)
             continue;
@@ -248,7 +250,8 @@ int sum_up(const std::vector<BatchFile>& files, const std::vector<FileReport>& r
     }
     if (failed == 0)
         return 0;
-    say(fmt::format("error: {} of {} files failed{}\n", failed, files.size(),
+    say(fmt::format("error: {} of {} files failed{}{}\n", failed, files.size(),
+                    stopped > 0 ? fmt::format(", {} were stopped", stopped) : "",
                     left > 0 ? fmt::format(", {} were not begun", left) : ""));
     const bool is_one = faults.size() == 1;
     const Fault fault = *faults.begin();
@@ -326,13 +329,13 @@ int run(ApplyFlags flags, const CommonFlags& common)
     if (is_folder(flags.output))
         return apply_many(flags, common, settings);
     if (flags.inputs.size() != 1)
-        throw Error(Fault::Usage,
-                    fmt::format("{} inputs: -o must be a folder, like out/ (got {})",
-                                flags.inputs.size(), in_quotes(flags.output)));
+        throw wrong_flag("--output",
+                         fmt::format("got {}, need a folder, like out/, for {} inputs",
+                                     in_quotes(flags.output), flags.inputs.size()));
     if (!flags.shard.empty() || flags.resumes || flags.jobs > 1)
-        throw Error(Fault::Usage, "--shard, --resume and --jobs need a folder as -o "
-                                  "(got " +
-                                      in_quotes(flags.output) + ")");
+        throw wrong_flag("--output", "got " + in_quotes(flags.output) +
+                                         ", need a folder with --shard, --resume and "
+                                         "--jobs");
     return apply_one(flags, common, settings);
 }
 

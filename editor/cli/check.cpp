@@ -46,7 +46,7 @@ int check_rods(const SessionFlags& flags, const RodFacts& rods, const CommonFlag
 
 /// Regions are found in the cells, which a session makes for a frame: a script that has
 /// regions or joints alone gets one at rest.
-void need_frame(HandleFile& handles)
+void add_rest_frame(HandleFile& handles)
 {
     if (handles.stages.empty())
         return;
@@ -55,8 +55,8 @@ void need_frame(HandleFile& handles)
         first.frames.push_back({.number = 0, .moves = {}, .is_asked = false});
 }
 
-/// What regions after a commit name: samples, groups and label files. Where the samples
-/// are then is not known without solving, so their shapes are not looked at.
+/// Checks the samples, groups and label files that regions after a commit name. Where the
+/// samples are then is not known without solving, so their shapes are not checked.
 void check_later_stages(const HandleFile& handles, const Geometry& geometry)
 {
     for (std::size_t k = 1; k < handles.stages.size(); ++k)
@@ -79,7 +79,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();
-    need_frame(*request.handles);
+    add_rest_frame(*request.handles);
     check_later_stages(*request.handles, *geometry);
     const Session session(geometry, std::move(*request.handles), request.settings);
     std::vector<std::string> warnings = request.warnings;

@@ -291,6 +291,23 @@ std::string json_text(const Json& json)
     return all.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
+namespace
+{
+
+Json error_object(const std::string& fault, const Remark& remark)
+{
+    const auto known = [](const std::string& text)
+    { return text.empty() ? Json() : Json(text); };
+    const std::int64_t line = remark.where.line;
+    return {{"fault", fault},
+            {"file", known(remark.where.file)},
+            {"line", line > 0 ? Json(line) : Json()},
+            {"field", known(remark.where.field)},
+            {"message", remark.what}};
+}
+
+} // namespace
+
 Json error_json(const Error& error)
 {
     const auto name = [&]
@@ -310,13 +327,19 @@ Json error_json(const Error& error)
         }
         return "";
     };
-    const auto known = [](const std::string& text)
-    { return text.empty() ? Json() : Json(text); };
-    return {{"fault", name()},
-            {"file", known(error.file())},
-            {"line", error.line() > 0 ? Json(error.line()) : Json()},
-            {"field", known(error.field())},
-            {"message", error.message()}};
+    return error_object(name(),
+                        at({error.file(), error.line(), error.field()}, error.message()));
+}
+
+Json error_json(const std::string& fault, const std::string& message)
+{
+    return error_object(fault, at({}, message));
+}
+
+void check_stdout(const std::string& output, const CommonFlags& common)
+{
+    if (output == "-" && common.is_json)
+        throw wrong_flag("--output", "- and --json both need stdout");
 }
 
 void say(const std::string& text)

@@ -137,13 +137,18 @@ double memory_limit(const std::optional<std::string>& max_memory);
 /// Adds --columns.
 void add_columns(CLI::App& app, std::string& columns);
 
-/// What --json prints: one object, with the program's version before its own keys. Text
+/// Output of --json: one object, with the program's version before its own keys. Text
 /// that is no UTF-8, as names of files may be, has marks in its place.
 std::string json_text(const Json& json);
 
 /// The keys of an error, null for what it does not know: "fault", "file", "line",
 /// "field", "message".
 Json error_json(const Error& error);
+/// The same for an error without a place.
+Json error_json(const std::string& fault, const std::string& message);
+
+/// Throws Fault::Usage if the output is stdout, which --json needs.
+void check_stdout(const std::string& output, const CommonFlags& common);
 
 /// "warning: ..." on stderr, unless quiet.
 void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common);

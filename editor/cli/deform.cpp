@@ -93,11 +93,12 @@ void check_outputs(const OutputName& name, const DeformFlags& flags,
     if (is_animation(name, model, handles))
     {
         if (name.has_frame())
-            throw wrong_flag("-o", "got " + in_quotes(output) +
-                                       ": all frames go into this one file, leave out "
-                                       "{frame}");
+            throw wrong_flag("--output",
+                             "got " + in_quotes(output) +
+                                 ": all frames go into this one file, leave out "
+                                 "{frame}");
         if (frames.empty())
-            throw wrong_flag("-o",
+            throw wrong_flag("--output",
                              "there is no frame for " + in_quotes(output) + " to show");
         return check_output(output, common.overwrite());
     }
@@ -425,8 +426,7 @@ Outcome run_session(const DeformFlags& flags, const CommonFlags& common,
 int run(const DeformFlags& flags, const CommonFlags& common)
 {
     const Clock::time_point start = Clock::now();
-    if (flags.output == "-" && common.is_json)
-        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    check_stdout(flags.output, common);
     const OutputName name(flags.output);
     SessionRequest request = read_request(flags.session);
     if (!request.handles)

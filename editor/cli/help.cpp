@@ -45,7 +45,7 @@ public:
         return row(make_option_name(option, is_positional) + make_option_opts(option),
                    make_option_desc(option));
     }
-    /// Of a command in the list of all: what it does, without its examples.
+    /// A command's line in the list of commands, without its examples.
     std::string make_subcommand(const CLI::App* command) const override
     {
         const std::string all = command->get_description();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How the help of commands looks.
+// Layout of --help.
 #pragma once
 
 #include <memory>

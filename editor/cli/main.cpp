@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include <fcntl.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
@@ -52,11 +53,21 @@ void prepare_process()
             break;
         }
     }
+    // A model may have more files beside it than a shell allows to be open.
+    constexpr rlim_t kEnoughFiles = 1 << 16;
+    struct rlimit files
+    {
+    };
+    if (::getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < kEnoughFiles)
+    {
+        files.rlim_cur = std::min(files.rlim_max, kEnoughFiles);
+        ::setrlimit(RLIMIT_NOFILE, &files);
+    }
     std::signal(SIGPIPE, SIG_IGN);
     std::signal(SIGXFSZ, SIG_IGN);
     std::signal(SIGINT, end_at_signal);
     std::signal(SIGTERM, end_at_signal);
-    // Of a terminal that is closed; nohup's wish to go on stands.
+    // Closed terminal; stays ignored under nohup.
     if (std::signal(SIGHUP, end_at_signal) == SIG_IGN)
         std::signal(SIGHUP, SIG_IGN);
 }
@@ -135,7 +146,7 @@ std::string joined(const std::vector<std::string>& words)
     return text;
 }
 
-/// Of what follows a flag whose value has blanks and was given without quotes.
+/// Hint to quote the value of --fix, --handle or --move.
 std::string quote_hint(const std::vector<std::string>& words, const std::string& extra)
 {
     constexpr std::array<std::string_view, 3> kWithBlanks = {"--fix", "--handle",
@@ -155,7 +166,7 @@ std::string quote_hint(const std::vector<std::string>& words, const std::string&
                        joined({first, last}));
 }
 
-/// What was not expected, in the order in which it was given.
+/// Unexpected arguments, in the order given.
 std::string extras_text(const CLI::App& app, const std::vector<std::string>& words)
 {
     const std::vector<std::string> extras = app.remaining(true);
@@ -180,7 +191,7 @@ std::vector<std::string> with_help_as_flag(std::vector<std::string> words)
     return words;
 }
 
-/// What the parser found wrong, in words of this program.
+/// The parser's error in this program's words.
 Error usage_error(const CLI::App& app, const std::vector<std::string>& words,
                   const CLI::ParseError& error)
 {
@@ -284,7 +295,7 @@ void print_error(const Json& error)
     }
 }
 
-int tell(const Error& error, bool is_json)
+int report_error(const Error& error, bool is_json)
 {
     say(fmt::format("error: {}\n", error.what()));
     if (is_json)
@@ -292,33 +303,39 @@ int tell(const Error& error, bool is_json)
     return static_cast<int>(error.fault());
 }
 
-int tell_of_bug(const std::string& what, bool is_json)
+int report_bug(const std::string& what, bool is_json)
 {
     const std::string message = "internal error: " + what;
     say(fmt::format("error: {}\n", message));
     if (is_json)
-        print_error({{"fault", "internal"},
-                     {"file", nullptr},
-                     {"line", nullptr},
-                     {"field", nullptr},
-                     {"message", message}});
+        print_error(error_json("internal", message));
     return 1;
 }
 
+/// Whether a word is --json, also with a value: --json=true.
+bool asks_for_json(const std::string& word)
+{
+    constexpr std::string_view kWithValue = "--json=";
+    if (!word.starts_with(kWithValue))
+        return word == "--json";
+    const std::string value = lower_case(word.substr(kWithValue.size()));
+    return value != "false" && value != "off" && value != "no" && value != "0";
+}
+
 /// Errors as messages and exit codes; what lacks memory for that, too, comes out.
-int run_and_tell(int argc, char** argv)
+int run_and_report(int argc, char** argv)
 {
     const std::vector<std::string> words = with_help_as_flag(
         std::vector<std::string>(argv + std::min(argc, 1), argv + argc));
     const auto end = std::find(words.begin(), words.end(), "--");
-    const bool is_json = std::find(words.begin(), end, "--json") != end;
+    const bool is_json = std::any_of(words.begin(), end, asks_for_json);
     try
     {
         return run(words);
     }
     catch (const Error& error)
     {
-        return tell(error, is_json);
+        return report_error(error, is_json);
     }
     catch (const std::bad_alloc&)
     {
@@ -327,14 +344,14 @@ int run_and_tell(int argc, char** argv)
     catch (const std::system_error& error)
     {
         if (error.code() == std::errc::resource_unavailable_try_again)
-            return tell(
+            return report_error(
                 Error(Fault::Budget, std::string("no more threads: ") + error.what()),
                 is_json);
-        return tell_of_bug(error.what(), is_json);
+        return report_bug(error.what(), is_json);
     }
     catch (const std::exception& error)
     {
-        return tell_of_bug(error.what(), is_json);
+        return report_bug(error.what(), is_json);
     }
 }
 
@@ -343,5 +360,5 @@ int run_and_tell(int argc, char** argv)
 int main(int argc, char** argv)
 {
     prepare_process();
-    return guard.main(run_and_tell, argc, argv);
+    return guard.main(run_and_report, argc, argv);
 }

@@ -159,8 +159,7 @@ std::pair<std::string, std::string> names_of(const std::string& a, const std::st
 int run(const RenderFlags& flags, const CommonFlags& common)
 {
     PictureOptions options = picture_options(flags);
-    if (flags.output == "-" && common.is_json)
-        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    check_stdout(flags.output, common);
     check_output(flags.output, common.overwrite());
     if (extension_of(flags.output) != "png" && flags.output != "-")
         throw Error(Fault::Usage, at({flags.output, 0, ""}, "a picture is a .png"));

@@ -68,8 +68,7 @@ void check_flags(const SimulateFlags& flags, const CommonFlags& common)
 {
     if (flags.output.empty() && flags.rods.empty() && !common.is_json)
         throw Error(Fault::Usage, "simulate needs -o, or --json");
-    if (flags.output == "-" && common.is_json)
-        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    check_stdout(flags.output, common);
     if (flags.rods == "-")
         throw wrong_flag("--rods", "need the name of a file");
 }
@@ -91,9 +90,9 @@ void check_model_output(const SimulateFlags& flags, const InTime& in_time,
     if (is_animation(flags, in_time))
     {
         if (name.has_frame())
-            throw wrong_flag("-o", "got " + in_quotes(flags.output) +
-                                       ": all frames go into this one file, leave "
-                                       "out {frame}");
+            throw wrong_flag("--output", "got " + in_quotes(flags.output) +
+                                             ": all frames go into this one file, leave "
+                                             "out {frame}");
         check_output(flags.output, common.overwrite());
         return;
     }
@@ -118,7 +117,7 @@ void check_outputs(const SimulateFlags& flags, const InTime& in_time,
     const std::string& rods = has_model ? flags.rods : flags.output;
     if (!rods.empty())
     {
-        check_rods_output(rods, has_model ? "--rods" : "-o", flags);
+        check_rods_output(rods, has_model ? "--rods" : "--output", flags);
         if (rods != "-")
             check_files(OutputName(rods), in_time, false, common);
     }

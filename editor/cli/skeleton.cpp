@@ -68,12 +68,11 @@ std::string text_of(const SkeletonFlags& flags, const std::vector<SkeletonJoint>
 
 int run(const SkeletonFlags& flags, const CommonFlags& common)
 {
-    if (flags.output == "-" && common.is_json)
-        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    check_stdout(flags.output, common);
     if (const std::string extension = extension_of(flags.output);
         flags.output != "-" && extension != "tgf" && extension != "json")
-        throw wrong_flag("-o", "got " + in_quotes(flags.output) +
-                                   ", need a skeleton (.tgf) or a scene (.json)");
+        throw wrong_flag("--output", "got " + in_quotes(flags.output) +
+                                         ", need a skeleton (.tgf) or a scene (.json)");
     if (flags.options.bones < 1 || flags.options.bones > 64)
         throw wrong_flag("--bones",
                          fmt::format("got {}, need 1 to 64", flags.options.bones));

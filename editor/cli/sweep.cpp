@@ -156,7 +156,7 @@ public:
         : path_(path), outputs_(overwrite)
     {
         if (path == "-")
-            throw Error(Fault::Usage, "-o -: a sweep writes files, need a folder");
+            throw wrong_flag("--output", "got -, need a folder: a sweep writes files");
         while (path_.size() > 1 && path_.back() == '/')
             path_.pop_back();
         std::error_code ignored;
@@ -289,8 +289,8 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
 {
     if (flags.session.has_session() ? extension_of(flags.session.model) != "json"
                                     : !flags.session.model.empty())
-        throw Error(Fault::Usage, "--stability runs scenes: name one, or none for all "
-                                  "that ship");
+        throw wrong_flag("--stability", "runs scenes: name one, or none for all that "
+                                        "ship");
     ReportFolder folder(flags.output, {"stability.json", "stability.html"},
                         common.overwrite());
     std::vector<StabilityCase> cases;
@@ -318,14 +318,14 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
     for (const ExtremeScene& extreme : extremes)
     {
         for (const SceneText& file : extreme.files)
-            scenes.write(file.name, file.text);
-        scenes.write(extreme.name + ".json", extreme.scene);
+            write_file(scenes.place_of(file.name), file.text, Overwrite::Yes);
+        write_file(scenes.place_of(extreme.name + ".json"), extreme.scene,
+                   Overwrite::Yes);
         cases.push_back({extreme.group, extreme.name,
                          scenes.place_of(extreme.name + ".json"), extreme.is_in_time,
                          extreme.same_as, extreme.scale, extreme.offset,
                          extreme.is_left_alone});
     }
-    scenes.commit();
     Progress progress(common);
     const std::vector<StabilityRow> rows = run_stability(
         cases,
@@ -353,7 +353,7 @@ int run(SweepFlags flags, const CommonFlags& common)
     if (flags.is_stability)
         return run_stability(flags, common);
     if (!flags.only.empty())
-        throw Error(Fault::Usage, "--only goes with --stability");
+        throw wrong_flag("--only", "goes with --stability");
     if (flags.session.model.empty())
         throw Error(Fault::Usage, "MODEL is required");
     // A scene's max_depth is for editing; that of the reference is this command's.

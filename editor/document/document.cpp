@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <system_error>
 
 #include "editor/document/document_state.h"
 #include "editor/session/scene_script.h"
@@ -54,19 +55,12 @@ void remove_closed(const std::string& journal)
     }
 }
 
-/// Tells one content of a file from another.
-std::string mark_of(std::string_view bytes)
-{
-    return std::to_string(bytes.size()) + "-" +
-           std::to_string(std::hash<std::string_view>()(bytes));
-}
-
 /// Nothing where there is no file that can be read.
-std::optional<std::string> mark_of_file(const std::string& path)
+std::optional<std::uint32_t> checksum_of_file(const std::string& path)
 {
     try
     {
-        return mark_of(read_file(path));
+        return checksum_of(read_file(path));
     }
     catch (const Error&)
     {
@@ -78,9 +72,16 @@ std::optional<std::string> mark_of_file(const std::string& path)
 
 void Document::State::check_unchanged(const std::string& file) const
 {
-    const std::optional<std::string> now = mark_of_file(file);
-    const auto known = marks.find(file);
-    if (now && (known == marks.end() || known->second != *now))
+    std::error_code unknown;
+    if (!std::filesystem::exists(file, unknown) && !unknown)
+        return;
+    const std::optional<std::uint32_t> now = checksum_of_file(file);
+    if (!now)
+        throw ChangedOnDisk(Fault::File,
+                            at({file, 0, ""}, "cannot be read now: another program may "
+                                              "have changed it"));
+    const auto known = checksums.find(file);
+    if (known == checksums.end() || known->second != *now)
         throw ChangedOnDisk(
             Fault::File, at({file, 0, ""}, "is not as it was read or saved last: another "
                                            "program has changed it"));
@@ -228,11 +229,11 @@ Document::Document(const std::string& path, const std::string& journal_folder)
     if (extension_of(path) == "json")
     {
         // Before it is read: what changes in between is noticed as a change.
-        if (const auto mark = mark_of_file(path))
-            s.marks[path] = *mark;
+        if (const auto checksum = checksum_of_file(path))
+            s.checksums[path] = *checksum;
         s.scene = read_scene(path);
-        if (const auto mark = mark_of_file(s.scene.handles))
-            s.marks[s.scene.handles] = *mark;
+        if (const auto checksum = checksum_of_file(s.scene.handles))
+            s.checksums[s.scene.handles] = *checksum;
         s.scene_path = path;
         s.warnings = s.scene.warnings;
         if (!s.scene.has_carriers && !s.scene.time) // else it can be played
@@ -294,7 +295,7 @@ std::vector<std::string> Document::recover()
         Edited now = s.replayed(header, edits);
         // The edits are of other files than those that are there: save() asks.
         if (!s.is_intact_save && !s.is_of_these_files(header))
-            s.marks.clear();
+            s.checksums.clear();
         s.take(std::move(now), std::move(edits));
     }
     catch (const Error& error)
@@ -594,8 +595,8 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
         s.history.move_journal(journal);
         s.journal = journal;
     }
-    s.marks = {{scene.path, mark_of(scene_bytes)},
-               {scene.handles, mark_of(handle_bytes)}};
+    s.checksums = {{scene.path, checksum_of(scene_bytes)},
+                   {scene.handles, checksum_of(handle_bytes)}};
     s.scene_path = scene_path;
     s.scene = scene;
     s.edited.handles.path = scene.handles;

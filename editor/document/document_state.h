@@ -65,8 +65,8 @@ struct Document::State
     std::string journal_folder;
     std::string journal; ///< its path; empty: none
     std::optional<std::uint32_t> saved_content = 0;
-    /// Of the scene and its handle file: mark_of() what was read or saved last, by path.
-    std::map<std::string, std::string> marks;
+    /// Checksums of the scene and its handle file as last read or saved, by path.
+    std::map<std::string, std::uint32_t> checksums;
     bool is_intact_save =
         false; ///< the files were written by save(), when they were read
 

@@ -336,7 +336,7 @@ void ask_to_overwrite(EditorApp& app)
     ImGui::SameLine();
     if (ImGui::Button("Cancel", size) ||
         ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
-        answer(&EditorApp::keep_changes_of_others);
+        answer(&EditorApp::cancel_save);
     ImGui::EndPopup();
 }
 

@@ -291,7 +291,7 @@ void EditorApp::save_elsewhere()
     choosing = Choosing::SaveAs;
 }
 
-void EditorApp::keep_changes_of_others()
+void EditorApp::cancel_save()
 {
     asks_to_overwrite.clear();
     leaves_when_saved = false;

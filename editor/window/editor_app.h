@@ -128,7 +128,7 @@ public:
     /// The answers to that: overwrite, save under another name, neither.
     void overwrite();
     void save_elsewhere();
-    void keep_changes_of_others();
+    void cancel_save();
     /// Begins to write the document's field; its end becomes a notice. Throws Error.
     void export_field(const std::string& path, Overwrite overwrite);
     /// Plays the scene in time, from its start; or goes back to what is edited.

@@ -3,7 +3,10 @@
 
 #include <atomic>
 #include <csignal>
+#include <memory>
+#include <optional>
 #include <thread>
+#include <vector>
 
 #include <limits.h>
 #include <sys/resource.h>
@@ -204,6 +207,140 @@ TEST(Bytes, what_a_killed_run_left_is_removed_by_the_next_that_writes_there)
     EXPECT_EQ(support::bytes_of(folder / "alive"), "alive");
     EXPECT_EQ(temporaries(), 3u);
     EXPECT_FALSE(std::filesystem::exists(folder / "killed"));
+}
+
+namespace
+{
+
+/// A process that runs \p before, waits until it is told to go on and runs \p after.
+class Other
+{
+public:
+    template <class Before, class After>
+    Other(Before before, After after)
+    {
+        int ready[2], go[2];
+        EXPECT_EQ(::pipe(ready), 0);
+        EXPECT_EQ(::pipe(go), 0);
+        process_ = ::fork();
+        if (process_ == 0)
+        {
+            ::close(go[1]);
+            char none = 0;
+            try
+            {
+                before();
+                bool is_well = ::write(ready[1], ".", 1) == 1;
+                is_well = ::read(go[0], &none, 1) == 0 && is_well;
+                after();
+                ::_exit(is_well ? 0 : 1);
+            }
+            catch (const Error&)
+            {
+                ::_exit(2);
+            }
+        }
+        ::close(ready[1]);
+        ::close(go[0]);
+        char none = 0;
+        EXPECT_EQ(::read(ready[0], &none, 1), 1);
+        ::close(ready[0]);
+        go_ = go[1];
+    }
+    /// Its exit code.
+    int go_on()
+    {
+        ::close(go_);
+        int status = 0;
+        ::waitpid(process_, &status, 0);
+        return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    }
+
+private:
+    pid_t process_ = 0;
+    int go_ = -1;
+};
+
+} // namespace
+
+TEST(Bytes, the_replaced_file_is_not_swept_while_it_may_be_put_back)
+{
+    const support::Folder folder;
+    const std::string path = folder.write("x", "old");
+    std::optional<AtomicFile> file;
+    Other other(
+        [&]
+        {
+            file.emplace(path, Overwrite::Yes);
+            file->write("new");
+            file->finish();
+            file->try_put_in_place();
+        },
+        [&] { file->take_back(); });
+    EXPECT_EQ(support::bytes_of(path), "new");
+    write_file(folder / "next", "next", Overwrite::No);
+    EXPECT_EQ(other.go_on(), 0);
+    EXPECT_EQ(support::bytes_of(path), "old");
+}
+
+TEST(Bytes, a_file_that_another_program_has_put_there_since_is_not_taken_back)
+{
+    for (const bool replaces : {false, true})
+    {
+        const support::Folder folder;
+        const std::string path = folder / "x";
+        if (replaces)
+            folder.write("x", "old");
+        AtomicFile file(path, Overwrite::Yes);
+        file.write("new");
+        file.finish();
+        EXPECT_TRUE(file.try_put_in_place());
+        std::filesystem::rename(folder.write("y", "theirs"), path);
+        file.take_back();
+        EXPECT_EQ(support::bytes_of(path), "theirs");
+        EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}),
+                  1);
+    }
+}
+
+TEST(Bytes, many_finished_files_are_not_swept_either)
+{
+    constexpr int kFiles = 150;
+    const support::Folder folder;
+    const auto name = [&](int i) { return folder / ("file-" + std::to_string(i)); };
+    std::vector<std::unique_ptr<AtomicFile>> files;
+    Other other(
+        [&]
+        {
+            for (int i = 0; i < kFiles; ++i)
+            {
+                files.push_back(std::make_unique<AtomicFile>(name(i), Overwrite::No));
+                files.back()->finish();
+            }
+        },
+        [&]
+        {
+            for (const std::unique_ptr<AtomicFile>& file : files)
+                file->commit();
+        });
+    write_file(folder / "next", "next", Overwrite::No);
+    EXPECT_EQ(other.go_on(), 0);
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}),
+              kFiles + 1);
+}
+
+TEST(Bytes, a_signal_handler_can_remove_any_number_of_files)
+{
+    constexpr int kFiles = 150;
+    const support::Folder folder;
+    std::vector<std::unique_ptr<AtomicFile>> files;
+    for (int i = 0; i < kFiles; ++i)
+        files.push_back(
+            std::make_unique<AtomicFile>(folder / std::to_string(i), Overwrite::No));
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}),
+              kFiles);
+    remove_unfinished_outputs();
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 0);
 }
 
 TEST(Bytes, a_link_stays_and_its_target_is_replaced)

@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/output_set.h"
 
+#include <cstdio>
 #include <filesystem>
+
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
@@ -105,6 +110,87 @@ TEST(OutputSet, on_a_disk_that_fails_once_all_are_old_or_all_are_new)
             break;
     }
     EXPECT_GE(errors, 13);
+}
+
+TEST(OutputSet, stdout_says_that_all_is_well_only_where_it_is)
+{
+    const Folder folder;
+    const std::string first = folder / "first", second = folder / "second",
+                      told = folder.write("told", "");
+    int errors = 0;
+    for (const int num_old : {0, 1, 2})
+        for (int number = 1;; ++number)
+        {
+            SCOPED_TRACE(testing::Message() << num_old << " old, call " << number);
+            std::filesystem::remove(first);
+            std::filesystem::remove(second);
+            if (num_old > 0)
+                folder.write("first", "old one");
+            if (num_old > 1)
+                folder.write("second", "old two");
+            std::fflush(stdout);
+            const int before = ::dup(1), into = ::open(told.c_str(), O_WRONLY | O_TRUNC);
+            ::dup2(into, 1);
+            ::close(into);
+            bool is_done = false, was_reached = false;
+            {
+                const FailingCalls failing(number, FailingCalls::How::Once);
+                try
+                {
+                    OutputSet outputs(Overwrite::Yes);
+                    outputs.write(first, "new one");
+                    outputs.write(second, "new two");
+                    outputs.write("-", "all is well");
+                    outputs.commit();
+                    is_done = true;
+                }
+                catch (const Error&)
+                {
+                    ++errors;
+                }
+                was_reached = FailingCalls::was_reached();
+            }
+            ::dup2(before, 1);
+            ::close(before);
+            EXPECT_EQ(bytes_of(told), is_done ? "all is well" : "");
+            EXPECT_EQ(is_done, bytes_of(first) == "new one");
+            EXPECT_EQ(is_done, bytes_of(second) == "new two");
+            if (!was_reached)
+                break;
+        }
+    EXPECT_GE(errors, 30);
+}
+
+TEST(OutputSet, has_more_files_than_a_process_may_have_open)
+{
+    constexpr int kFiles = 400;
+    const Folder folder;
+    const auto name = [](int i) { return "file-" + std::to_string(i); };
+    struct rlimit before
+    {
+    };
+    ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+    const struct rlimit few = {256, before.rlim_max};
+    ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &few), 0);
+    for (const char* content : {"first", "second"}) // new, then exchanged
+    {
+        OutputSet outputs(Overwrite::Yes);
+        std::string said;
+        try
+        {
+            for (int i = 0; i < kFiles; ++i)
+                outputs.write(folder / name(i), content);
+            outputs.commit();
+        }
+        catch (const Error& error)
+        {
+            said = error.what();
+        }
+        EXPECT_EQ(said, "");
+        EXPECT_EQ(num_files(folder), std::size_t(kFiles));
+        EXPECT_EQ(bytes_of(folder / name(kFiles - 1)), content);
+    }
+    ::setrlimit(RLIMIT_NOFILE, &before);
 }
 
 TEST(OutputSet, a_file_that_appears_meanwhile_stays_without_leave_to_overwrite)

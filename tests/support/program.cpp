@@ -54,6 +54,11 @@ Result run_program(const std::string& program, const std::vector<std::string>& a
     return {code, bytes_of(out), bytes_of(err)};
 }
 
+bool has_command(const std::string& name)
+{
+    return run({"help", name}).code == 0;
+}
+
 pid_t start(const std::vector<std::string>& arguments)
 {
     const pid_t child = ::fork();

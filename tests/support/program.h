@@ -29,6 +29,9 @@ Result run(const std::vector<std::string>& arguments, const InChild& in_child = 
 Result run_program(const std::string& program, const std::vector<std::string>& arguments,
                    const InChild& in_child = {});
 
+/// Whether this build of the program has a command.
+bool has_command(const std::string& name);
+
 /// Starts the program without streams, to be waited for or killed.
 pid_t start(const std::vector<std::string>& arguments);
 

@@ -2,11 +2,13 @@
 #include "editor/apply/manifest.h"
 
 #include <filesystem>
+#include <tuple>
 
 #include <sys/stat.h>
 
 #include <gtest/gtest.h>
 
+#include "io/bytes.h"
 #include "tests/support/failing_calls.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -67,7 +69,9 @@ TEST(Manifest, writes_into_nothing_that_is_no_manifest)
     for (const std::string& text :
          {precious, std::string("#"), std::string("# my notes"),
           std::string("#cellwarp-manifesto\n"), std::string("#cellwarp-manifest"),
-          std::string("\n"), std::string(1, '\0')})
+          std::string("#cellwarp-manifest 1 notes\nx"),
+          std::string("#cellwarp-manifest 1\nx"), std::string("\n"),
+          std::string(1, '\0')})
     {
         folder.write("cellwarp-manifest.tsv", text);
         // What a kill has left of the first line is a manifest.
@@ -78,6 +82,17 @@ TEST(Manifest, writes_into_nothing_that_is_no_manifest)
             refused("does not begin with #cellwarp-manifest 1");
             EXPECT_EQ(bytes_of(path), text);
         }
+    }
+    // Of a large file only what tells that it is none is read; a sparse one takes no
+    // room.
+    for (const auto& [beginning, size, why] :
+         {std::tuple("my notes", std::uintmax_t(1) << 40, "does not begin with"),
+          {"#cellwarp-manifest 1\tstatus", kMaxFileBytes + 1, "is larger than 4 GiB"}})
+    {
+        folder.write("cellwarp-manifest.tsv", beginning);
+        std::filesystem::resize_file(path, size);
+        refused(why);
+        EXPECT_EQ(std::filesystem::file_size(path), size);
     }
     std::filesystem::remove(path);
     const std::string victim = folder.write("victim.txt", precious);

@@ -178,6 +178,12 @@ TEST(Apply, points_outside_the_box_of_the_fields_model_get_a_warning)
     EXPECT_TRUE(contains(json["warnings"][0].get<std::string>(), told));
     const std::string near = files.folder.write("near.xyz", "0.5 1 2\n1 0.5 0.5\n");
     EXPECT_FALSE(contains(files.apply({near, "-o", files.folder / "r.xyz"}).err, "lie"));
+    // The normals of an OBJ are turned where its points are, which are no more for that.
+    const std::string obj =
+        files.folder.write("far.obj", "v 300 0 0\nv 301 0 0\nv 300 1 0\nv 0.5 1 2\n"
+                                      "vn 0 0 1\nf 1//1 2//1 3//1\nf 1//1 2//1 4//1\n");
+    EXPECT_TRUE(contains(files.apply({obj, "-o", files.folder / "q.obj"}).err,
+                         obj + ": 3 of 4 points lie outside the box of the model"));
 }
 
 TEST(Apply, outputs_that_cannot_be_are_told_before_any_work)
@@ -319,6 +325,29 @@ TEST(Apply, one_bad_file_does_not_end_a_batch)
     EXPECT_EQ(told["files"][1]["status"], "not begun");
     EXPECT_TRUE(contains(fast.err, "2 were not begun"));
     EXPECT_FALSE(std::filesystem::exists(files.folder / "o3/a.xyz"));
+}
+
+TEST(Apply, a_file_that_is_stopped_midway_is_not_called_one_that_was_not_begun)
+{
+    const Files files;
+    const std::string large = files.points("large.xyz", 200000),
+                      next = files.points("next.xyz");
+    std::filesystem::create_directory(files.folder / "out");
+    std::stop_source stop;
+    ApplySettings settings;
+    settings.threads = 1;
+    settings.stop = stop.get_token();
+    settings.watch = [&](double, const std::string&) { stop.request_stop(); };
+    const std::vector<FileReport> reports =
+        apply_to_batch(Deformation(read_field(files.field), files.field),
+                       {{large, files.out("large.xyz")}, {next, files.out("next.xyz")}},
+                       files.out("m.tsv"), settings);
+    EXPECT_EQ(reports[0].status, FileStatus::Stopped);
+    EXPECT_EQ(reports[1].status, FileStatus::Left);
+    const std::string manifest = bytes_of(files.out("m.tsv"));
+    EXPECT_TRUE(contains(manifest, large + "\tstarted\t"));
+    EXPECT_FALSE(contains(manifest, next));
+    EXPECT_FALSE(std::filesystem::exists(files.out("large.xyz")));
 }
 
 TEST(Apply, resume_does_what_is_not_done)

@@ -624,6 +624,26 @@ TEST(Document, does_not_overwrite_unasked_what_another_program_has_written)
     }
 }
 
+TEST(Document, a_file_that_cannot_be_read_at_the_moment_is_not_overwritten_unasked)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json",
+                      handles = bar.folder / "scene.handles";
+    Document document = bar.open();
+    hold_ends(document);
+    document.save(scene);
+    for (const std::string& file : {scene, handles})
+    {
+        document.move_region("head", shifted(0.5));
+        std::filesystem::resize_file(file, kMaxFileBytes + 1); // takes no room
+        EXPECT_THROW(document.save(scene), ChangedOnDisk);
+        EXPECT_EQ(std::filesystem::file_size(file), kMaxFileBytes + 1);
+        document.save(scene, Overwrite::Yes);
+        document.save(scene);
+        EXPECT_TRUE(document.is_saved());
+    }
+}
+
 TEST(Document, a_handle_file_that_it_has_not_read_is_not_overwritten_unasked)
 {
     const Bar bar;

@@ -227,7 +227,7 @@ TEST(EditorApp, asks_before_it_overwrites_what_another_program_has_written)
     EXPECT_TRUE(
         support::contains(app.asks_to_overwrite, "another program has changed it"));
     EXPECT_FALSE(app.document().is_saved());
-    app.keep_changes_of_others();
+    app.cancel_save();
     EXPECT_TRUE(app.asks_to_overwrite.empty());
     EXPECT_TRUE(support::contains(support::bytes_of(scene), "one"));
     // Under another name.
