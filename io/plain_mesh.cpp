@@ -158,8 +158,9 @@ std::string xyz_bytes(const DeformedSamples& patch,
     for (std::size_t i = 0; i < patch.samples.size(); ++i)
     {
         add_numbers(text, patch.samples[i], "");
-        if (!normals.empty())
-            add_numbers(text, normals[i], " ");
+        // Without names they are known by their length, and by decimal points.
+        for (int k = 0; k < 3 && !normals.empty(); ++k)
+            store(normals[i][k], Scalar::TextReal, false, text += ' ');
         text += "\n";
     }
     return text;

@@ -97,6 +97,17 @@ TEST(PlainMesh, a_concave_face_is_triangles_in_an_stl_as_it_lies_at_rest)
             Eigen::Vector3d(patch.samples[triangles[k]].cast<float>().cast<double>()));
 }
 
+TEST(PlainMesh, normals_in_columns_are_read_as_normals_again)
+{
+    const Geometry geometry =
+        scan_geometry("x.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n")
+            .geometry;
+    const DeformedSamples patch{geometry.samples, {{0, 0, 1}, {0.6, 0.8, 0}, {1, 0, 0}}};
+    const std::string text = plain_mesh_bytes(geometry, patch, "xyz");
+    EXPECT_EQ(text, "0 0 0 0.0 0.0 1.0\n1 0 0 0.6 0.8 0.0\n0 1 0 1.0 0.0 0.0\n");
+    EXPECT_EQ(scan_geometry("x.xyz", text).geometry.directions, patch.directions);
+}
+
 TEST(PlainMesh, groups_of_faces_keep_their_names)
 {
     Geometry geometry = model();
