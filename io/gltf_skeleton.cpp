@@ -11,7 +11,17 @@
 // (above a root B_p^-1 F is what stands above it). With C = B_p^-1 F, x = B^-1 0 its
 // place and the rotation parts q of these, its turn is q_C q(t) q_B and its shift C
 // Trans(t) - x: both are linear in what the file has keys of, so that all ways of
-// interpolation are the same here and there. What L scales is refused.
+// interpolation are the same here and there.
+//
+// Bones are rigid, so L must not scale. Files whose meshes are stored in other units than
+// their scene (centimetres and metres) have one scale s = |W|, W = (world of a joint) B,
+// for all joints of their skins: the scene is taken to be 1 / s as large, which makes L
+// of each joint rigid. Scales that come within 1 % of 1 are left out, with a warning. All
+// others are refused.
+//
+// An animation of another file moves the nodes that have the names of its own ones. What
+// of it stands all the time where its node stands there tells nothing of this skeleton:
+// the lengths of bones stay.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -20,6 +30,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 
+#include "io/bytes.h"
 #include "io/error.h"
 #include "io/gltf_data.h"
 #include "io/gltf_nodes.h"
@@ -45,6 +56,8 @@ constexpr std::size_t kMostWeights = 200'000'000;
 
 /// Scales that differ from 1 by less are rounding of floats.
 constexpr double kNoScale = 1e-3;
+/// Those that differ by less are left out.
+constexpr double kSmallScale = 0.01;
 /// A joint that stands nearer to its rest than this has no key [rad, model unit].
 constexpr double kAtRest = 1e-5;
 
@@ -54,20 +67,22 @@ public:
     explicit SkeletonReader(GeometryFile& file)
         : data_(file, layout_, nullptr, nullptr), json_(data_.json()), nodes_(json_)
     {
-        for (std::size_t i = 0; i < data_.accessors().size(); ++i)
-            if (data_.accessors()[i].is_compressed)
-                compressed_.insert(i);
     }
 
-    SkeletonValues read(const std::string& animation)
+    /// \p other: the file whose animation is meant; null: this one.
+    SkeletonValues read(const std::string& animation, SkeletonReader* other)
     {
-        read_animation(animation);
+        if (other)
+            take_animation(animation, *other);
+        else
+            read_animation(animation);
         find_joints();
-        find_bind();
         name_joints();
+        find_bind();
         for (const std::size_t node : order_)
             add_joint(node);
         add_ends();
+        warn_of_scales();
         return std::move(out_);
     }
 
@@ -196,8 +211,6 @@ private:
                        element("accessors", accessor) + " has " +
                            std::to_string(data_.accessors()[accessor].length) +
                            " numbers an element, need " + std::to_string(length));
-        if (compressed_.contains(accessor))
-            json_.fail(where + "." + key, "is compressed, which is not supported");
         std::vector<double> values = data_.numbers_of(accessor);
         if (std::any_of(values.begin(), values.end(),
                         [](double x) { return !(std::abs(x) <= 1e30); }))
@@ -238,6 +251,59 @@ private:
                        "has " + std::to_string(out.numbers.size() / length) +
                            " elements, need " + std::to_string(out.times.size() * each));
         return out;
+    }
+
+    /// Moves the nodes that have the names of the other file's.
+    void take_animation(const std::string& name, SkeletonReader& other)
+    {
+        other.read_animation(name);
+        if (other.channels_.empty())
+            other.json_.fail("animations", "there is none that moves a node");
+        std::map<std::string, std::size_t> by_name;
+        for (std::size_t node = 0; node < nodes_.size(); ++node)
+            if (!nodes_.name(node).empty())
+                by_name.try_emplace(nodes_.name(node), node);
+        std::vector<std::string> unknown;
+        for (const auto& [node, channels] : other.channels_)
+        {
+            const auto own = by_name.find(other.nodes_.name(node));
+            if (own == by_name.end())
+            {
+                unknown.push_back(element("nodes", node) + " " +
+                                  in_quotes(other.nodes_.name(node)));
+                continue;
+            }
+            Channels taken = channels;
+            const Affine3d rest = other.nodes_.matrix(node);
+            if (stays(taken.translation, rest.translation()))
+                taken.translation.reset();
+            if (stays(taken.scale, rest.linear().colwise().norm()))
+                taken.scale.reset();
+            channels_[own->second] = std::move(taken);
+        }
+        if (channels_.empty())
+            other.json_.fail("animations",
+                             "moves no node that " + json_.path() + " has, by its name");
+        out_.warnings.insert(out_.warnings.end(), other.out_.warnings.begin(),
+                             other.out_.warnings.end());
+        if (!unknown.empty())
+            out_.warnings.push_back(
+                at({other.json_.path(), 0, unknown.front()},
+                   "moves nothing: " + json_.path() + " has no node of that name" +
+                       (unknown.size() > 1
+                            ? " (so do " + std::to_string(unknown.size() - 1) + " others)"
+                            : "")));
+    }
+    /// Whether the keys all say, to 1 %, what is there without them.
+    static bool stays(const std::optional<Channel>& keys, const Vector3d& rest)
+    {
+        if (!keys || keys->step == KeyStep::Cubic)
+            return false;
+        for (std::size_t k = 0; k + 2 < keys->numbers.size(); k += 3)
+            if (!((Eigen::Map<const Vector3d>(&keys->numbers[k]) - rest).norm() <=
+                  kSmallScale * rest.norm()))
+                return false;
+        return true;
     }
 
     // --- joints ------------------------------------------------------------------------
@@ -304,6 +370,41 @@ private:
                                 "with meshes)");
     }
 
+    /// From the world to where the skin's units are those of the scene.
+    Affine3d whole() const { return Affine3d(Eigen::Scaling(1.0 / whole_scale_)); }
+    /// By how much the scene scales what its skins have bound, by their first joint.
+    void find_whole_scale()
+    {
+        for (const std::size_t node : order_)
+            if (const auto bind = bind_.find(node); bind != bind_.end())
+            {
+                const Matrix3d map = world(node).linear() * bind->second.linear();
+                const double scale = std::cbrt(std::abs(map.determinant()));
+                if (!(scale > 1e-15 && scale < 1e15) || std::abs(scale - 1.0) <= kNoScale)
+                    return;
+                whole_scale_ = scale;
+                world_.clear();
+                out_.warnings.push_back(
+                    at({json_.path(), 0, element("nodes", node)},
+                       "the skeleton is scaled by " + shortest_of(scale) +
+                           " against its skin: it is read in the skin's units"));
+                return;
+            }
+    }
+    /// With as many digits as tell something.
+    static std::string shortest_of(double scale)
+    {
+        return shortest(static_cast<double>(std::llround(scale * 1e6)) / 1e6);
+    }
+    void warn_of_scales()
+    {
+        if (largest_scale_ > kNoScale)
+            out_.warnings.push_back(
+                at({json_.path(), 0, ""}, "scales joints by up to " +
+                                              shortest_of(100.0 * largest_scale_) +
+                                              " %, which is left out: bones are rigid"));
+    }
+
     /// From its parent to a node where nothing moves it.
     Affine3d world(std::size_t node) const
     {
@@ -313,7 +414,7 @@ private:
         std::vector<std::size_t> up = {node};
         while (nodes_.parent(up.back()) >= 0)
             up.push_back(static_cast<std::size_t>(nodes_.parent(up.back())));
-        Affine3d map = Affine3d::Identity();
+        Affine3d map = whole();
         for (auto above = up.rbegin(); above != up.rend(); ++above)
             map = map * nodes_.matrix(*above);
         return world_[node] = map;
@@ -342,6 +443,7 @@ private:
                 bind_.try_emplace(joints[k].get<std::size_t>(), map);
             }
         }
+        find_whole_scale();
         for (const std::size_t node : order_)
             bind_.try_emplace(node, world(node).inverse());
         for (const auto& [node, map] : bind_)
@@ -440,11 +542,12 @@ private:
                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
         const Vector3d scales = svd.singularValues();
         const Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
-        if (!(scales[2] > 0) || scales[0] > (1.0 + kNoScale) * scales[2] ||
+        if (!(scales[2] > 0) || scales[0] > (1.0 + kSmallScale) * scales[2] ||
             turn.determinant() < 0)
             json_.fail(element("nodes", node),
                        "joint " + in_quotes(names_.at(node)) +
                            " is scaled differently along its axes, or mirrored");
+        largest_scale_ = std::max(largest_scale_, scales[0] / scales[2] - 1.0);
         return {Quaterniond(turn).normalized(), scales.mean()};
     }
 
@@ -454,7 +557,7 @@ private:
         const int parent = joint_above_[node];
         SkeletonJoint& joint = out_.joints.emplace_back();
         joint.name = names_.at(node);
-        Affine3d before = Affine3d::Identity(); // C: all that stands above M
+        Affine3d before = whole(); // C: all that stands above M
         std::vector<std::size_t> between;
         for (int above = nodes_.parent(node); above >= 0 && above != parent;
              above = nodes_.parent(static_cast<std::size_t>(above)))
@@ -529,7 +632,10 @@ private:
         const double own = parts(nodes_.matrix(node).linear(), node).second;
         const auto check = [&](double scale, const std::string& where)
         {
-            if (!(std::abs(around * scale - 1.0) <= kNoScale))
+            const double more = std::abs(around * scale - 1.0);
+            if (more <= kSmallScale)
+                largest_scale_ = std::max(largest_scale_, more);
+            else
                 json_.fail(where, "scales joint " + in_quotes(names_.at(node)) +
                                       ": bones are rigid (got " +
                                       shortest(around * scale) + ", need 1)");
@@ -593,7 +699,6 @@ private:
     GltfData data_;
     const GltfJson& json_;
     const GltfNodes nodes_;
-    std::set<std::size_t> compressed_;         ///< accessors
     std::set<std::size_t> of_skin_;            ///< nodes
     std::map<std::size_t, Channels> channels_; ///< of nodes
     std::vector<std::size_t> order_;           ///< nodes that are joints, parents first
@@ -601,21 +706,37 @@ private:
     std::map<std::size_t, Affine3d> bind_;     ///< of a joint: from the rest to its space
     mutable std::map<std::size_t, Affine3d> world_;
     std::map<std::size_t, std::string> names_;
+    double whole_scale_ = 1.0;           ///< > 0
+    mutable double largest_scale_ = 0.0; ///< by how much bones would stretch, of 1
     SkeletonValues out_;
 };
 
 } // namespace
 
 SkeletonValues parse_gltf_skeleton(const std::string& path, std::string bytes,
-                                   const std::string& animation)
+                                   const SkeletonPlacement& placement)
 {
-    GeometryFile file;
-    file.path = path;
-    file.bytes = std::move(bytes);
-    file.geometry.format = extension_of(path);
-    SkeletonValues out = SkeletonReader(file).read(animation);
-    out.warnings.insert(out.warnings.begin(), file.geometry.warnings.begin(),
-                        file.geometry.warnings.end());
+    const auto file_of = [](const std::string& name, std::string content)
+    {
+        GeometryFile file;
+        file.path = name;
+        file.bytes = std::move(content);
+        file.geometry.format = extension_of(name);
+        return file;
+    };
+    GeometryFile file = file_of(path, std::move(bytes)), other;
+    SkeletonReader reader(file);
+    std::optional<SkeletonReader> of_animation;
+    if (!placement.animation_file.empty())
+    {
+        other = file_of(placement.animation_file, read_file(placement.animation_file));
+        of_animation.emplace(other);
+    }
+    SkeletonValues out =
+        reader.read(placement.animation, of_animation ? &*of_animation : nullptr);
+    for (const GeometryFile* from : {&other, &file})
+        out.warnings.insert(out.warnings.begin(), from->geometry.warnings.begin(),
+                            from->geometry.warnings.end());
     return out;
 }
 

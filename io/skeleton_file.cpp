@@ -564,6 +564,8 @@ SkeletonValues parse_skeleton(const std::string& path, std::string bytes,
         throw malformed({path, 0, "root"}, "is for a .tgf: this file tells its own");
     if (!placement.animation.empty() && (extension == "tgf" || extension == "bvh"))
         throw malformed({path, 0, "animation"}, "is for a glTF");
+    if (!placement.animation_file.empty() && (extension == "tgf" || extension == "bvh"))
+        throw malformed({path, 0, "animation_file"}, "is for a glTF");
     SkeletonValues out;
     if (extension == "tgf" || extension == "bvh")
     {
@@ -576,7 +578,7 @@ SkeletonValues parse_skeleton(const std::string& path, std::string bytes,
                                  : BvhReader(path, text).read();
     }
     else
-        out = parse_gltf_skeleton(path, std::move(bytes), placement.animation);
+        out = parse_gltf_skeleton(path, std::move(bytes), placement);
     make_sayable(out.joints);
     place(out, placement);
     for (const SkeletonJoint& joint : out.joints)

@@ -72,8 +72,11 @@ struct SkeletonPlacement
 {
     std::string root;      ///< of a TGF: name of the joint that has no parent
     std::string animation; ///< of a glTF: name or number; the first one
-    double scale = 1.0;    ///< > 0, of all lengths of the file
-    char up = 'y';         ///< which of its axes becomes y, to which it is turned
+    /// Another glTF, whose animation moves the joints that have the names of its nodes;
+    /// resolved; empty: the file's own.
+    std::string animation_file;
+    double scale = 1.0; ///< > 0, of all lengths of the file
+    char up = 'y';      ///< which of its axes becomes y, to which it is turned
     Eigen::Vector3d shift = Eigen::Vector3d::Zero(); ///< added to all places in the end
 
     bool operator==(const SkeletonPlacement&) const = default;
@@ -100,8 +103,9 @@ std::string tgf_text(const std::vector<SkeletonJoint>& joints);
 std::vector<SkeletonJoint> in_order(std::vector<SkeletonJoint> joints,
                                     const std::string& file, const std::string& field);
 
-/// gltf_skeleton.cpp. \p bytes of a .gltf or .glb.
+/// gltf_skeleton.cpp. \p bytes of a .gltf or .glb; of the placement only what is of its
+/// animation.
 SkeletonValues parse_gltf_skeleton(const std::string& path, std::string bytes,
-                                   const std::string& animation);
+                                   const SkeletonPlacement& placement);
 
 } // namespace cellwarp

@@ -368,9 +368,16 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
     if (file && !is_skeleton_format(extension_of(*file)))
         object.fail("file",
                     "got " + in_quotes(*file) + ", need .tgf, .bvh, .gltf or .glb");
-    std::optional<std::string> root, animation;
+    std::optional<std::string> root, animation, animation_file;
     object.read("root", root);
     object.read("animation", animation);
+    object.read("animation_file", animation_file);
+    if (animation_file && extension_of(*animation_file) != "gltf" &&
+        extension_of(*animation_file) != "glb")
+        object.fail("animation_file",
+                    "got " + in_quotes(*animation_file) + ", need .gltf or .glb");
+    if (animation_file)
+        scene.placement.animation_file = resolved_name(path, *animation_file);
     scene.placement.root = root.value_or("");
     scene.placement.animation = animation.value_or("");
     std::optional<double> scale;
@@ -392,7 +399,9 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
     if (scene.file.empty() == scene.joints.empty())
         object.fail("", "needs either a file or joints");
     if (scene.file.empty() && (scene.placement != SkeletonPlacement()))
-        object.fail("", "root, animation, scale, up and translate are for a file");
+        object.fail(
+            "",
+            "root, animation, animation_file, scale, up and translate are for a file");
     scene.joints = in_order(std::move(scene.joints), path, "skeleton.joints");
     for_each(object, "keys",
              [&](const Json& key, const std::string& name) {

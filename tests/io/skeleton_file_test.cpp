@@ -10,7 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base64.h"
+#include "io/number.h"
 #include "io/stored_number.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -425,6 +427,126 @@ TEST(SkeletonFile, a_joint_that_does_not_stand_at_rest_has_one_key)
     EXPECT_LT((values.shifts[0].values[0] - Vector3d(0.5, 0, 0)).norm(), 1e-6);
 }
 
+TEST(SkeletonFile, one_scale_of_all_joints_is_that_of_other_units)
+{
+    // The skin is bound in centimetres, its armature takes it to metres.
+    const SkeletonValues metres = gltf(rig());
+    for (const double scale : {1e-4, 0.02, 3.0})
+    {
+        Json json = rig();
+        json["nodes"][0]["scale"] = {scale, scale, scale};
+        const SkeletonValues values = gltf(json);
+        ASSERT_EQ(values.joints.size(), metres.joints.size());
+        for (std::size_t k = 0; k < values.joints.size(); ++k)
+        {
+            EXPECT_EQ(values.joints[k].at, metres.joints[k].at);
+            EXPECT_EQ(values.joints[k].name, metres.joints[k].name);
+        }
+        ASSERT_EQ(values.turns.size(), metres.turns.size());
+        for (std::size_t k = 0; k < values.turns[0].values.size(); ++k)
+            EXPECT_LT((values.turns[0].values[k] - metres.turns[0].values[k]).norm(),
+                      1e-6);
+        EXPECT_TRUE(values.shifts.empty());
+        ASSERT_EQ(values.warnings.size(), 1u);
+        EXPECT_TRUE(contains(values.warnings[0], "nodes[1]: the skeleton is scaled by " +
+                                                     shortest(100 * scale) +
+                                                     " against its skin"))
+            << values.warnings[0];
+    }
+    EXPECT_TRUE(metres.warnings.empty());
+    // An animated node above the skin is a joint, in the same units.
+    Json json = rig();
+    json["nodes"][0]["scale"] = {1, 1, 1};
+    json["animations"][0]["channels"].push_back(
+        {{"sampler", 0}, {"target", {{"node", 0}, {"path", "rotation"}}}});
+    const SkeletonValues values = gltf(json);
+    EXPECT_EQ(values.joints[0].name, "Armature");
+    EXPECT_LT((values.joints[1].at - Vector3d(0, 1, 0)).norm(), 1e-6);
+    EXPECT_TRUE(values.shifts.empty());
+}
+
+TEST(SkeletonFile, scales_within_one_percent_are_left_out_with_a_warning)
+{
+    Json json = rig();
+    json["nodes"][2]["scale"] = {1.008, 1.006, 1.006};
+    const SkeletonValues values = gltf(json);
+    EXPECT_EQ(values.joints.size(), gltf(rig()).joints.size());
+    ASSERT_EQ(values.warnings.size(), 1u);
+    EXPECT_TRUE(contains(values.warnings[0], "scales joints by up to 0.666667 %"))
+        << values.warnings[0];
+    json["nodes"][2]["scale"] = {1.02, 1.02, 1.02};
+    EXPECT_TRUE(contains(gltf_refusal(json), "scales joint 'two'"));
+    json["nodes"][2]["scale"] = {1.02, 1.0, 1.0};
+    EXPECT_TRUE(contains(gltf_refusal(json), "differently along its axes"));
+}
+
+TEST(SkeletonFile, an_animation_of_another_file_moves_joints_by_their_names)
+{
+    const support::Folder folder;
+    // The model's bones are longer, and it has no animation.
+    Json model = rig();
+    model.erase("animations");
+    const SkeletonValues own = gltf(rig());
+    Json other = rig();
+    other["nodes"][2]["translation"] = {60, 0, 0};
+    other["nodes"].push_back({{"name", "tail"}});
+    const auto add = [&](int node, const char* path, const std::vector<double>& values)
+    {
+        std::string bytes;
+        for (const double value : values)
+            store(value, Scalar::Float32, false, bytes);
+        const std::size_t buffer = other["buffers"].size();
+        other["buffers"].push_back(
+            {{"byteLength", bytes.size()},
+             {"uri", "data:application/octet-stream;base64," + base64(bytes)}});
+        other["bufferViews"].push_back(
+            {{"buffer", buffer}, {"byteLength", bytes.size()}});
+        other["accessors"].push_back({{"bufferView", buffer + 2},
+                                      {"componentType", 5126},
+                                      {"count", 3},
+                                      {"type", "VEC3"}});
+        Json& animation = other["animations"][0];
+        animation["samplers"].push_back({{"input", 1}, {"output", buffer + 2}});
+        animation["channels"].push_back({{"sampler", animation["samplers"].size() - 1},
+                                         {"target", {{"node", node}, {"path", path}}}});
+    };
+    // Lengths that stay what they are there, and a scale of one, tell nothing.
+    add(2, "translation", {60, 0, 0, 60, 0, 0, 60, 0, 0});
+    add(2, "scale", {1, 1, 1, 1, 1, 1, 1, 1, 1});
+    add(3, "translation", {0, 0, 0, 1, 0, 0, 2, 0, 0});
+    SkeletonPlacement placement;
+    placement.animation_file = folder.write("walk.gltf", other.dump());
+    const SkeletonValues values = gltf(model, placement);
+    ASSERT_EQ(values.joints.size(), own.joints.size());
+    for (std::size_t k = 0; k < values.joints.size(); ++k)
+        EXPECT_EQ(values.joints[k].at, own.joints[k].at);
+    ASSERT_EQ(values.turns.size(), 1u);
+    EXPECT_EQ(values.turns[0].times, own.turns[0].times);
+    EXPECT_EQ(values.turns[0].values, own.turns[0].values);
+    EXPECT_TRUE(values.shifts.empty());
+    ASSERT_EQ(values.warnings.size(), 1u);
+    EXPECT_TRUE(contains(values.warnings[0], "nodes[3] 'tail': moves nothing"));
+    // What moves there moves here.
+    add(1, "translation", {0, 100, 0, 0, 100, 0, 0, 150, 0});
+    folder.write("walk.gltf", other.dump());
+    ASSERT_EQ(gltf(model, placement).shifts.size(), 1u);
+    EXPECT_LT((gltf(model, placement).shifts[0].values[2] - Vector3d(0, 0.5, 0)).norm(),
+              1e-6);
+    for (Json& node : other["nodes"])
+        node["name"] = "x " + node["name"].get<std::string>();
+    folder.write("walk.gltf", other.dump());
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { gltf(model, placement); }),
+                         "walk.gltf: animations: moves no node that rig.gltf has"));
+    other.erase("animations");
+    folder.write("walk.gltf", other.dump());
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { gltf(model, placement); }),
+                         "there is none that moves a node"));
+    placement.animation_file = folder / "none.gltf";
+    error_of(Fault::File, [&] { gltf(model, placement); });
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { tgf(kArm, placement); }),
+                         "animation_file: is for a glTF"));
+}
+
 TEST(SkeletonFile, what_scales_a_bone_is_refused)
 {
     Json json = rig();
@@ -461,18 +583,6 @@ TEST(SkeletonFile, what_a_gltf_lacks_or_has_twice_is_told_by_its_place)
           });
     tells("channels[0].input: is missing",
           [&](Json& json) { animation(json)["samplers"][0].erase("input"); });
-    tells("inverseBindMatrices: is compressed, which is not supported",
-          [](Json& json)
-          {
-              json["extensionsUsed"] = {"EXT_meshopt_compression"};
-              Json& view = json["bufferViews"]
-                               [json["accessors"][0]["bufferView"].get<std::size_t>()];
-              view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
-                                                               {"byteLength", 4},
-                                                               {"byteStride", 64},
-                                                               {"count", 2},
-                                                               {"mode", "ATTRIBUTES"}};
-          });
     tells("channels[0].sampler: is missing",
           [&](Json& json) { animation(json)["channels"][0].erase("sampler"); });
     // Of the first joint's bind matrix its linear part, of the second's animation its
