@@ -8,7 +8,8 @@
 // of their weights show one target at each frame's time; between two frames the weights,
 // and so the places, go straight from one to the next. A single frame does not move: the
 // mesh is as it has it, for viewers that show a file at its first time or know no
-// targets. [glTF2]
+// targets. A sample that corners show with several texture coordinates is several
+// vertices. Groups of faces are primitives, whose materials have their names. [glTF2]
 #include "io/animation_file.h"
 
 #include <algorithm>
@@ -16,7 +17,11 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <map>
+#include <numeric>
 #include <optional>
+
+#include <nlohmann/json.hpp>
 
 #include "io/error.h"
 #include "io/face_triangles.h"
@@ -147,12 +152,14 @@ class AnimationFile::Glb final : public Writer
 {
 public:
     Glb(const std::string& path, OutputSet& outputs, const Geometry& geometry,
-        std::vector<double> times, NormalsOf normals)
+        std::vector<double> times, NormalsOf normals,
+        const std::vector<TextureCoordinate>& texture)
         : path_(path), outputs_(outputs), geometry_(geometry), times_(std::move(times)),
           normals_of_(std::move(normals)), targets_(folder_of(path == "-" ? "." : path))
     {
         check_output(path, outputs.overwrite());
-        count_of(geometry.samples.size(), path, "points");
+        find_vertices(texture);
+        count_of(vertices_.size(), path, "points");
         Vector3d low = Vector3d::Zero(), high = low;
         if (!geometry.samples.empty())
             low = high = geometry.samples.front();
@@ -162,7 +169,7 @@ public:
             high = high.cwiseMax(x);
         }
         middle_ = 0.5 * (low + high);
-        const double points = static_cast<double>(geometry.samples.size()),
+        const double points = static_cast<double>(vertices_.size()),
                      frames = static_cast<double>(times_.size());
         const double bytes_of_a_point = normals_of_ ? 24.0 : 12.0;
         if (bytes_of_a_point * points * (frames + 1.0) + 4.0 * frames * frames > 4.0e9)
@@ -180,7 +187,7 @@ public:
         }
         Bytes bytes(false);
         Bounds& bounds = bounds_.emplace_back();
-        for (std::size_t i = 0; i < samples.size(); ++i)
+        for (const std::uint32_t i : vertices_)
             add_vector(samples[i] - geometry_.samples[i], bytes, bounds);
         if (normals_of_)
         {
@@ -188,7 +195,7 @@ public:
                 rest_normals_ = normals_of_(geometry_.samples);
             Bounds unused;
             const std::vector<Vector3d> normals = normals_of_(samples);
-            for (std::size_t i = 0; i < normals.size(); ++i)
+            for (const std::uint32_t i : vertices_)
                 add_vector(normals[i] - rest_normals_[i], bytes, unused);
         }
         const std::string text = bytes.take();
@@ -200,21 +207,23 @@ public:
         Bytes head(false);
         Bounds mesh, unused;
         const std::vector<Vector3d>& places = is_still() ? only_ : geometry_.samples;
-        for (const Vector3d& x : places)
-            add_vector(x - middle_, head, mesh);
-        add_view(head, places.size(), "VEC3", 5126, mesh.text());
+        for (const std::uint32_t i : vertices_)
+            add_vector(places[i] - middle_, head, mesh);
+        add_view(head, vertices_.size(), "VEC3", 5126, mesh.text());
         if (normals_of_)
         {
-            for (const Vector3d& normal : normals_of_(places))
-                add_vector(normal, head, unused);
-            add_view(head, places.size(), "VEC3", 5126, "");
+            const std::vector<Vector3d> normals = normals_of_(places);
+            for (const std::uint32_t i : vertices_)
+                add_vector(normals[i], head, unused);
+            add_view(head, vertices_.size(), "VEC3", 5126, "");
         }
         const std::size_t colours = add_colours(head);
-        const std::size_t indices = add_faces(head);
+        const std::size_t texture = add_texture(head);
+        const std::vector<Faces> faces = add_faces(head);
         if (is_still())
         {
             const std::uint64_t length = head.size();
-            return write(json(colours, indices, std::nullopt, length), head.take(),
+            return write(json(colours, texture, faces, std::nullopt, length), head.take(),
                          length);
         }
         const std::size_t times = accessors_count_;
@@ -229,7 +238,7 @@ public:
         add_view(head, times_.size() * times_.size(), "SCALAR", 5126, "");
         const std::size_t first_target = accessors_count_;
         std::uint64_t end = head.size();
-        const std::size_t count = geometry_.samples.size();
+        const std::size_t count = vertices_.size();
         for (const Bounds& bounds : bounds_)
         {
             add_view_at(end, 12 * count, count, "VEC3", 5126, bounds.text());
@@ -239,8 +248,8 @@ public:
             add_view_at(end, 12 * count, count, "VEC3", 5126, "");
             end += 12 * count;
         }
-        write(json(colours, indices, Movement{times, first_target}, end), head.take(),
-              end);
+        write(json(colours, texture, faces, Movement{times, first_target}, end),
+              head.take(), end);
     }
 
 private:
@@ -301,29 +310,109 @@ private:
         if (geometry_.colours.empty())
             return kNone;
         const std::array<std::uint32_t, 256> linear = linear_shares();
-        for (const std::array<std::uint8_t, 3>& colour : geometry_.colours)
+        for (const std::uint32_t i : vertices_)
         {
+            const std::array<std::uint8_t, 3>& colour = geometry_.colours[i];
             head.add(linear[colour[0]] | linear[colour[1]] << 16);
             head.add(linear[colour[2]] | std::uint32_t(65535) << 16);
         }
-        add_view(head, geometry_.colours.size(), "VEC4", 5123, "\"normalized\":true");
+        add_view(head, vertices_.size(), "VEC4", 5123, "\"normalized\":true");
         return accessors_count_ - 1;
     }
-    std::size_t add_faces(Bytes& head)
+    std::size_t add_texture(Bytes& head)
     {
-        std::size_t count = 0;
-        FaceCutter cutter(geometry_);
-        for (std::size_t f = 0; f < geometry_.num_faces(); ++f)
-            for (const FaceCutter::Triangle& triangle : cutter.triangles(f))
-            {
-                for (const std::uint32_t corner : triangle)
-                    head.add(corner);
-                count += 3;
-            }
-        if (count == 0)
+        if (texture_.empty())
             return kNone;
-        add_view(head, count, "SCALAR", 5125, "");
+        for (const TextureCoordinate& place : texture_)
+            for (const float number : place)
+                head.add(number);
+        add_view(head, texture_.size(), "VEC2", 5126, "");
         return accessors_count_ - 1;
+    }
+    /// Faces of one group, in one accessor.
+    struct Faces
+    {
+        std::string group;
+        std::size_t indices;
+    };
+    /// Samples as corners show them: once for each of their texture coordinates.
+    void find_vertices(const std::vector<TextureCoordinate>& texture)
+    {
+        const std::size_t count = geometry_.samples.size();
+        if (texture.size() != geometry_.corners.size() || texture.empty())
+        {
+            vertices_.resize(count);
+            std::iota(vertices_.begin(), vertices_.end(), 0u);
+            return;
+        }
+        std::map<std::pair<std::uint32_t, TextureCoordinate>, std::uint32_t> known;
+        std::vector<char> is_shown(count, 0);
+        for (std::size_t c = 0; c < texture.size(); ++c)
+        {
+            const std::uint32_t sample = geometry_.corners[c];
+            const auto [found, is_new] = known.try_emplace(
+                {sample, texture[c]}, static_cast<std::uint32_t>(vertices_.size()));
+            if (is_new)
+            {
+                vertices_.push_back(sample);
+                texture_.push_back(texture[c]);
+            }
+            is_shown[sample] = 1;
+            corner_vertices_.push_back(found->second);
+        }
+        for (std::uint32_t i = 0; i < count; ++i)
+            if (!is_shown[i])
+            {
+                vertices_.push_back(i);
+                texture_.push_back({0.0f, 0.0f});
+            }
+    }
+    /// The vertex that shows \p sample in a face whose corners begin with \p first.
+    std::uint32_t vertex_of(std::uint32_t sample, std::size_t first) const
+    {
+        if (corner_vertices_.empty())
+            return sample;
+        while (geometry_.corners[first] != sample)
+            ++first;
+        return corner_vertices_[first];
+    }
+    std::vector<Faces> add_faces(Bytes& head)
+    {
+        // Those of no group first, then groups as they first come.
+        std::vector<std::string> names = {""};
+        std::map<std::string, std::uint32_t> numbers = {{"", 0}};
+        std::vector<std::uint32_t> group_of(geometry_.num_faces(), 0);
+        for (const FaceGroup& group : geometry_.groups)
+        {
+            const auto [number, is_new] =
+                numbers.try_emplace(group.name, static_cast<std::uint32_t>(names.size()));
+            if (is_new)
+                names.push_back(group.name);
+            for (std::size_t f = group.first_face; f < group.end_face; ++f)
+                group_of[f] = number->second;
+        }
+        std::vector<std::vector<std::size_t>> faces_of(names.size());
+        for (std::size_t f = 0; f < group_of.size(); ++f)
+            faces_of[group_of[f]].push_back(f);
+        std::vector<Faces> all;
+        FaceCutter cutter(geometry_);
+        for (std::size_t group = 0; group < names.size(); ++group)
+        {
+            std::size_t count = 0;
+            for (const std::size_t f : faces_of[group])
+                for (const FaceCutter::Triangle& triangle : cutter.triangles(f))
+                {
+                    const std::size_t first = f == 0 ? 0 : geometry_.face_ends[f - 1];
+                    for (const std::uint32_t corner : triangle)
+                        head.add(vertex_of(corner, first));
+                    count += 3;
+                }
+            if (count == 0)
+                continue;
+            add_view(head, count, "SCALAR", 5125, "");
+            all.push_back({names[group], accessors_count_ - 1});
+        }
+        return all;
     }
 
     /// Places, and normals behind them, from an accessor on.
@@ -335,7 +424,8 @@ private:
         return text + "}";
     }
 
-    std::string json(std::size_t colours, std::size_t indices,
+    std::string json(std::size_t colours, std::size_t texture,
+                     const std::vector<Faces>& faces,
                      const std::optional<Movement>& movement, std::uint64_t length) const
     {
         std::string targets, weights, animations;
@@ -356,21 +446,38 @@ private:
                 ",\"interpolation\":\"LINEAR\"}],\"channels\":[{\"sampler\":0,"
                 "\"target\":{\"node\":0,\"path\":\"weights\"}}]}],";
         }
-        std::string primitive = "{\"attributes\":" + vectors_at(0);
-        primitive.pop_back();
+        std::string attributes = "{\"attributes\":" + vectors_at(0), materials,
+                    primitives;
+        attributes.pop_back();
         if (colours != kNone)
-            primitive += ",\"COLOR_0\":" + std::to_string(colours);
-        primitive += "}";
-        primitive +=
-            indices == kNone ? ",\"mode\":0" : ",\"indices\":" + std::to_string(indices);
-        primitive += targets + "}";
+            attributes += ",\"COLOR_0\":" + std::to_string(colours);
+        if (texture != kNone)
+            attributes += ",\"TEXCOORD_0\":" + std::to_string(texture);
+        attributes += "}";
+        std::size_t num_materials = 0;
+        for (const Faces& part : faces)
+        {
+            primitives += (primitives.empty() ? "" : ",") + attributes +
+                          ",\"indices\":" + std::to_string(part.indices);
+            if (!part.group.empty())
+            {
+                primitives += ",\"material\":" + std::to_string(num_materials++);
+                materials += (materials.empty() ? "\"materials\":[" : ",") +
+                             ("{\"name\":" + json_text(part.group) + "}");
+            }
+            primitives += targets + "}";
+        }
+        if (faces.empty())
+            primitives = attributes + ",\"mode\":0" + targets + "}";
+        if (!materials.empty())
+            materials += "],";
         const std::string at = shortest(middle_.x()) + "," + shortest(middle_.y()) + "," +
                                shortest(middle_.z());
         return "{\"asset\":{\"version\":\"2.0\",\"generator\":\"cellwarp\"},"
                "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
                "\"nodes\":[{\"name\":\"shape\",\"mesh\":0,\"translation\":[" +
-               at + "]}],\"meshes\":[{\"primitives\":[" + primitive + "]" + weights +
-               "}]," + animations + "\"accessors\":[" + accessors_ +
+               at + "]}],\"meshes\":[{\"primitives\":[" + primitives + "]" + weights +
+               "}]," + materials + animations + "\"accessors\":[" + accessors_ +
                "],\"bufferViews\":[" + views_ +
                "],\"buffers\":[{\"byteLength\":" + std::to_string(length) + "}]}";
     }
@@ -401,9 +508,19 @@ private:
         }
     }
 
+    /// A text in quotes; what is no UTF-8 in it is replaced.
+    static std::string json_text(const std::string& text)
+    {
+        return nlohmann::json(text).dump(-1, ' ', false,
+                                         nlohmann::json::error_handler_t::replace);
+    }
+
     std::string path_;
     OutputSet& outputs_;
     const Geometry& geometry_;
+    std::vector<std::uint32_t> vertices_;        ///< the sample of each
+    std::vector<std::uint32_t> corner_vertices_; ///< of each corner; empty: its sample
+    std::vector<TextureCoordinate> texture_;     ///< of each vertex; empty: none
     const std::vector<double> times_;
     const NormalsOf normals_of_;
     std::vector<Vector3d> rest_normals_; ///< where it moves
@@ -432,12 +549,13 @@ bool is_skinned(const Geometry& geometry)
 
 AnimationFile::AnimationFile(const std::string& path, OutputSet& outputs,
                              const Geometry& geometry, std::vector<double> times,
-                             NormalsOf normals)
+                             NormalsOf normals,
+                             const std::vector<TextureCoordinate>& texture)
 {
     const std::string extension = extension_of(path);
     if (extension == "glb")
         writer_ = std::make_unique<Glb>(path, outputs, geometry, std::move(times),
-                                        std::move(normals));
+                                        std::move(normals), texture);
     else
         writer_ = std::make_unique<PointCache>(path, outputs, geometry.samples.size(),
                                                times, extension == "mdd");

@@ -16,6 +16,7 @@
 
 #include "io/geometry.h"
 #include "io/output_set.h"
+#include "io/texture_coordinates.h"
 
 namespace cellwarp
 {
@@ -39,10 +40,11 @@ public:
 
     /// Adds the file to \p outputs, which the caller commits after finish(). \p times of
     /// the frames [s], ascending. \p normals: what a .glb is shown with; none: its faces
-    /// look flat. \p outputs and \p geometry must outlive it. Throws Fault::Usage for
-    /// what the format cannot hold, Fault::File.
+    /// look flat. \p texture: of each corner, or none. \p outputs and \p geometry must
+    /// outlive it. Throws Fault::Usage for what the format cannot hold, Fault::File.
     AnimationFile(const std::string& path, OutputSet& outputs, const Geometry& geometry,
-                  std::vector<double> times, NormalsOf normals = {});
+                  std::vector<double> times, NormalsOf normals = {},
+                  const std::vector<TextureCoordinate>& texture = {});
     ~AnimationFile();
 
     /// The next frame: as many samples as the geometry has. Throws Fault::Malformed for

@@ -90,7 +90,9 @@ std::vector<std::string> left_out(const std::string& output, const Geometry& geo
         if (attribute == "colours")
             return extension == "glb";
         if (attribute == "groups")
-            return extension == "obj";
+            return extension == "obj" || extension == "glb";
+        if (attribute == "texture coordinates" || attribute == "TEXCOORD_0")
+            return extension == "glb";
         if (attribute != "normals")
             return false;
         if (geometry.format == "stl")

@@ -450,9 +450,9 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     OutputSet outputs(common.overwrite());
     std::optional<AnimationFile> animation;
     if (moves)
-        animation.emplace(flags.output, outputs, model->geometry,
-                          frame_times(*request.handles),
-                          normals_to_write(flags.output, model->geometry));
+        animation.emplace(
+            flags.output, outputs, model->geometry, frame_times(*request.handles),
+            normals_to_write(flags.output, model->geometry), texture_coordinates(*model));
     else
         check_model_outputs(name, *model, frames, flags.conversion(), common);
     std::vector<std::string> warnings = request.warnings;

@@ -170,7 +170,8 @@ public:
             times.push_back(in_time.time_of(frame));
         const Geometry& geometry = in_time.model()->geometry;
         animation_.emplace(flags.output, set_, geometry, std::move(times),
-                           normals_to_write(flags.output, geometry));
+                           normals_to_write(flags.output, geometry),
+                           texture_coordinates(*in_time.model()));
         if (std::string note = left_out_note(flags.output, geometry); !note.empty())
             warnings_.push_back(std::move(note));
     }

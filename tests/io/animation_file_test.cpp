@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <set>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -135,9 +136,11 @@ TEST_F(AnimationFileTest, colours_of_a_glb_are_shares_of_light)
                  "property uchar green\nproperty uchar blue\nend_header\n"
                  "0 0 0 128 255 0\n1 0 0 1 2 3\n0 1 0 10 11 188\n");
     const std::string path = folder_ + "/colours.glb";
-    AnimationFile out(path, Overwrite::No, file.geometry, {0.0});
+    OutputSet outputs(Overwrite::No);
+    AnimationFile out(path, outputs, file.geometry, {0.0});
     out.add(file.geometry.samples);
-    out.commit();
+    out.finish();
+    outputs.commit();
     const std::string bytes = read_file(path);
     const std::size_t length = word_at(bytes, 12, false);
     const Json json = Json::parse(bytes.substr(20, length));
@@ -164,6 +167,68 @@ TEST_F(AnimationFileTest, colours_of_a_glb_are_shares_of_light)
     // Dark steps stay apart.
     EXPECT_LT(share(1, 0), share(1, 1));
     EXPECT_LT(share(2, 0), share(2, 1));
+}
+
+TEST_F(AnimationFileTest, texture_coordinates_and_groups_survive_into_a_glb)
+{
+    // Two squares that share an edge, with a seam there; a loose point; a face without a
+    // group, and a group that comes back.
+    const GeometryFile file = scan_geometry(
+        "a.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nv 9 9 9\n"
+                 "v 3 0 0\nvt 0 0\nvt 0.5 0\nvt 0.5 1\nvt 0 \\\n1\nvt 0.75 0.25\n"
+                 "f 2/2 5/5 6/5\ng left\nf 1/1 2/2 3/3 4/4 # 9/9\ng \"right\"\n"
+                 "f 2/1 5/-1 6/5 \\\n 3/4\ng left\nf 5 8 6\n");
+    const std::vector<TextureCoordinate> texture = texture_coordinates(file);
+    ASSERT_EQ(texture.size(), file.geometry.corners.size());
+    EXPECT_EQ(texture[3], (TextureCoordinate{0.0f, 1.0f}));
+    EXPECT_EQ(texture[6], (TextureCoordinate{0.0f, 0.0f}));
+    EXPECT_EQ(texture[8], (TextureCoordinate{0.75f, 0.75f}));
+    for (const bool is_still : {true, false})
+    {
+        const std::string path = folder_ + (is_still ? "/still.glb" : "/moves.glb");
+        OutputSet outputs(Overwrite::No);
+        AnimationFile out(path, outputs, file.geometry,
+                          is_still ? std::vector{0.0} : std::vector{0.0, 1.0}, {},
+                          texture);
+        std::vector<Vector3d> samples = file.geometry.samples;
+        for (int frame = 0; frame < (is_still ? 1 : 2); ++frame)
+        {
+            for (Vector3d& x : samples)
+                x.z() += 1;
+            out.add(samples);
+        }
+        out.finish();
+        outputs.commit();
+        const std::string bytes = read_file(path);
+        const GeometryFile again = scan_geometry("a.glb", bytes);
+        const Json json = Json::parse(bytes.substr(20, word_at(bytes, 12, false)));
+        const Json& primitives = json["meshes"][0]["primitives"];
+        ASSERT_EQ(primitives.size(), 3u);
+        EXPECT_FALSE(primitives[0].contains("material"));
+        EXPECT_EQ(json["materials"][primitives[1]["material"].get<int>()]["name"],
+                  "left");
+        EXPECT_EQ(json["materials"][primitives[2]["material"].get<int>()]["name"],
+                  "\"right\"");
+        // Every corner has its place and its coordinate; groups stand together.
+        const std::vector<TextureCoordinate> read = texture_coordinates(again);
+        ASSERT_EQ(again.geometry.num_faces(), 6u);
+        ASSERT_EQ(read.size(), 18u);
+        std::set<std::array<double, 5>> of_model, of_copy;
+        for (std::size_t c = 0; c < texture.size(); ++c)
+        {
+            const Vector3d& x = file.geometry.samples[file.geometry.corners[c]];
+            of_model.insert({x.x(), x.y(), x.z() + (is_still ? 1.0 : 0.0), texture[c][0],
+                             texture[c][1]});
+        }
+        for (std::size_t c = 0; c < read.size(); ++c)
+        {
+            const Vector3d& x = again.geometry.samples[again.geometry.corners[c]];
+            of_copy.insert({x.x(), x.y(), x.z(), read[c][0], read[c][1]});
+        }
+        EXPECT_EQ(of_copy, of_model);
+        // The loose point is there as well, and nothing else.
+        EXPECT_EQ(again.geometry.samples.size(), of_model.size() + 1);
+    }
 }
 
 TEST_F(AnimationFileTest, a_glb_is_shown_with_normals_where_there_are_some)

@@ -23,11 +23,9 @@ TEST(GeometryOutput, tells_what_a_file_that_is_written_anew_leaves_out)
               (Names{"texture coordinates", "normals", "colours"}));
     EXPECT_EQ(left_out("a.stl", geometry), geometry.attributes);
     EXPECT_EQ(left_out("a.off", geometry), geometry.attributes);
-    EXPECT_EQ(left_out("a.glb", geometry),
-              (Names{"texture coordinates", "normals", "groups"}));
+    EXPECT_EQ(left_out("a.glb", geometry), Names{"normals"});
     EXPECT_EQ(left_out("a.pc2", geometry), Names{});
-    EXPECT_EQ(left_out_note("a.glb", geometry),
-              "not in the .glb: the model's texture coordinates, normals, groups");
+    EXPECT_EQ(left_out_note("a.glb", geometry), "not in the .glb: the model's normals");
     geometry.attributes.assign(9, "f_rest");
     EXPECT_TRUE(left_out_note("a.glb", geometry).ends_with("f_rest and 3 more"));
     geometry.attributes.clear();

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The file has been scanned: what is wrong in it has been told, and what could not be
+// read here after all has no coordinates.
+#include "io/texture_coordinates.h"
+
+#include <cmath>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "io/gltf.h"
+#include "io/gltf_json.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// The words of an OBJ's statements.
+class ObjWords
+{
+public:
+    explicit ObjWords(std::string_view text) : text_(text) {}
+
+    /// The next word of the statement; false at its end.
+    bool next(std::string_view& word)
+    {
+        while (at_ < text_.size() && text_[at_] != '\n')
+        {
+            if (is_blank(text_[at_]) || is_continued())
+                at_ += is_continued() ? text_.find('\n', at_) - at_ + 1 : 1;
+            else
+            {
+                const std::size_t first = at_;
+                while (at_ < text_.size() && text_[at_] != '\n' &&
+                       !is_blank(text_[at_]) && !is_continued())
+                    ++at_;
+                word = text_.substr(first, at_ - first);
+                return word[0] != '#';
+            }
+        }
+        return false;
+    }
+    /// To the next statement; false at the end of the text.
+    bool go_on()
+    {
+        while (at_ < text_.size() && text_[at_] != '\n')
+            at_ += is_continued() ? text_.find('\n', at_) - at_ + 1 : 1;
+        if (at_ < text_.size())
+            ++at_;
+        return at_ < text_.size();
+    }
+
+private:
+    static bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+    bool is_continued() const
+    {
+        const std::string_view rest = text_.substr(at_, 3);
+        return rest.starts_with("\\\n") || rest.starts_with("\\\r\n");
+    }
+
+    std::string_view text_;
+    std::size_t at_ = 0;
+};
+
+/// The second of "v/vt/vn"; 0: there is none.
+std::int64_t texture_of_corner(std::string_view corner)
+{
+    const std::size_t first = corner.find('/');
+    if (first == std::string_view::npos)
+        return 0;
+    const std::string_view rest = corner.substr(first + 1);
+    return parse_integer(rest.substr(0, rest.find('/'))).value_or(0);
+}
+
+std::vector<TextureCoordinate> of_obj(const GeometryFile& file)
+{
+    std::vector<TextureCoordinate> pool, corners;
+    std::vector<std::int64_t> indices; // of corners, -1: none
+    bool has_some = false;
+    ObjWords words(file.bytes);
+    do
+    {
+        std::string_view word;
+        if (!words.next(word) || (word != "vt" && word != "f"))
+            continue;
+        if (word == "vt")
+        {
+            TextureCoordinate place = {0.0f, 0.0f};
+            for (std::size_t k = 0; k < 2 && words.next(word); ++k)
+                place[k] = static_cast<float>(parse_double(word).value_or(0.0));
+            place[1] = 1.0f - place[1];
+            pool.push_back(place);
+            continue;
+        }
+        const std::size_t first = indices.size();
+        while (words.next(word))
+        {
+            const std::int64_t index = texture_of_corner(word);
+            indices.push_back(index > 0   ? index - 1
+                              : index < 0 ? static_cast<std::int64_t>(pool.size()) + index
+                                          : -1);
+        }
+        if (indices.size() - first < 3)
+            indices.resize(first); // no face
+    } while (words.go_on());
+    if (indices.size() != file.geometry.corners.size())
+        return {};
+    for (const std::int64_t index : indices)
+    {
+        const bool is_there =
+            index >= 0 && index < static_cast<std::int64_t>(pool.size());
+        has_some = has_some || is_there;
+        corners.push_back(is_there ? pool[static_cast<std::size_t>(index)]
+                                   : TextureCoordinate{0.0f, 0.0f});
+    }
+    return has_some ? corners : std::vector<TextureCoordinate>();
+}
+
+std::vector<TextureCoordinate> of_gltf(const GeometryFile& file)
+{
+    const GltfLayout& layout = *file.gltf;
+    const GltfJson json(
+        file.path,
+        std::string_view(file.bytes)
+            .substr(layout.json.begin, layout.json.end - layout.json.begin),
+        layout.json.begin, false);
+    std::vector<TextureCoordinate> samples(file.geometry.samples.size(), {0.0f, 0.0f});
+    bool has_some = false;
+    for (const GltfLayout::Part& part : layout.parts)
+        for (const GltfLayout::Run& run : part.runs)
+        {
+            if (run.list != 0)
+                continue;
+            for (const GltfJson::Json& primitive :
+                 json.list("meshes")[part.mesh]["primitives"])
+            {
+                const GltfJson::Json& attributes = primitive["attributes"];
+                const GltfJson::Json* const found = json.find(attributes, "TEXCOORD_0");
+                if (!found || !found->is_number_unsigned() ||
+                    found->get<std::size_t>() >= layout.accessors.size() ||
+                    attributes["POSITION"].get<double>() !=
+                        static_cast<double>(run.accessor))
+                    continue;
+                const GltfAccessor& accessor =
+                    layout.accessors[found->get<std::size_t>()];
+                if (accessor.length != 2 || accessor.count != run.end - run.first ||
+                    accessor.sparse || !accessor.has_data)
+                    continue;
+                const std::vector<double> numbers =
+                    accessor_numbers(accessor, file.geometry.unpacked);
+                for (std::size_t i = 0; i < run.end - run.first; ++i)
+                    samples[run.first + i] = {static_cast<float>(numbers[2 * i]),
+                                              static_cast<float>(numbers[2 * i + 1])};
+                has_some = true;
+                break;
+            }
+        }
+    std::vector<TextureCoordinate> corners;
+    for (const std::uint32_t corner : file.geometry.corners)
+        if (has_some)
+            corners.push_back(samples[corner]);
+    return corners;
+}
+
+} // namespace
+
+std::vector<TextureCoordinate> texture_coordinates(const GeometryFile& file)
+{
+    std::vector<TextureCoordinate> out;
+    if (file.geometry.format == "obj")
+        out = of_obj(file);
+    if (file.gltf)
+        out = of_gltf(file);
+    for (TextureCoordinate& place : out)
+        for (float& number : place)
+            number = std::isfinite(number) ? number : 0.0f;
+    return out;
+}
+
+} // namespace cellwarp
