@@ -28,7 +28,10 @@ if(CELLWARP_CGAL OR CELLWARP_BENCH)
   find_package(CGAL 5.5 REQUIRED)                                       # octree/wrap
 endif()
 if(CELLWARP_WINDOW OR CELLWARP_PICTURE)
-  find_package(embree 3.13 REQUIRED)                                    # editor/rays
+  find_package(embree 3.13 QUIET)                                       # editor/rays
+  if(NOT embree_FOUND)
+    find_package(embree 4 REQUIRED)  # Debian 13, Ubuntu 24.04
+  endif()
 endif()
 if(CELLWARP_WINDOW)                                                     # editor/window
   find_package(glfw3 3.3 REQUIRED)

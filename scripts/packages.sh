@@ -1,7 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-3.0-or-later
 # Installs the packages that are missing, and says so. Sourced by run and test. The names
-# are those of Debian 12.
+# are those of Debian 12; they are the same in Debian 13 and Ubuntu 24.04, where
+# libembree-dev is Embree 4.
 packages="g++ cmake ninja-build libeigen3-dev libsuitesparse-dev libopenblas-dev
     liblapacke-dev libtbb-dev libnanoflann-dev libcgal-dev libcli11-dev nlohmann-json3-dev libfmt-dev
     zlib1g-dev liblzf-dev libdraco-dev libmeshoptimizer-dev libxxhash-dev libembree-dev libstb-dev

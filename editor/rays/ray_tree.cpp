@@ -1,5 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Embree answers null or notes an error where memory ends; here that is an exception.
+//
+// Embree 3 and 4 differ in the header's name and in how a ray is traced: version 3 is
+// given a context, version 4 optional arguments. Version 4 looks at masks of rays and
+// geometries; those of new geometries are 1, and a ray's here has every bit. The code for
+// version 4 is written by its documentation, and untested.
 #include "editor/rays/ray_tree.h"
 
 #include <cmath>
@@ -8,7 +13,11 @@
 #include <string>
 #include <utility>
 
+#if __has_include(<embree3/rtcore.h>)
 #include <embree3/rtcore.h>
+#else
+#include <embree4/rtcore.h>
+#endif
 
 namespace cellwarp
 {
@@ -53,6 +62,32 @@ RTCRay ray_of(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction)
     ray.mask = ~0u;
     return ray;
 }
+
+#if RTC_VERSION_MAJOR >= 4
+void intersect(RTCScene scene, RTCRayHit& met)
+{
+    rtcIntersect1(scene, &met);
+}
+
+void occlude(RTCScene scene, RTCRay& ray)
+{
+    rtcOccluded1(scene, &ray);
+}
+#else
+void intersect(RTCScene scene, RTCRayHit& met)
+{
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcIntersect1(scene, &context, &met);
+}
+
+void occlude(RTCScene scene, RTCRay& ray)
+{
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcOccluded1(scene, &context, &ray);
+}
+#endif
 
 } // namespace
 
@@ -163,12 +198,10 @@ void RayTree::commit()
 std::optional<RayHit> RayTree::first_hit(const Eigen::Vector3f& origin,
                                          const Eigen::Vector3f& direction) const
 {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
     RTCRayHit met{};
     met.ray = ray_of(origin, direction);
     met.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(state_->scene.get(), &context, &met);
+    intersect(state_->scene.get(), met);
     if (met.hit.geomID == RTC_INVALID_GEOMETRY_ID)
         return std::nullopt;
     return RayHit{met.hit.geomID, met.hit.primID,
@@ -179,12 +212,10 @@ std::optional<RayHit> RayTree::first_hit(const Eigen::Vector3f& origin,
 bool RayTree::is_blocked(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction,
                          float near, float far) const
 {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
     RTCRay ray = ray_of(origin, direction);
     ray.tnear = near;
     ray.tfar = far;
-    rtcOccluded1(state_->scene.get(), &context, &ray);
+    occlude(state_->scene.get(), ray);
     return ray.tfar < 0;
 }
 
