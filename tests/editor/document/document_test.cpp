@@ -662,34 +662,34 @@ TEST(Document, edits_that_were_recovered_onto_other_files_are_not_saved_unasked)
     const Bar bar;
     const std::string scene = bar.folder / "scene.json",
                       handles = bar.folder / "scene.handles",
-                      journals = bar.folder / "journals";
+                      journals = bar.folder / "journals", others = bar.folder / "others";
     std::filesystem::create_directory(journals);
+    std::filesystem::create_directory(others);
     {
         Document first = bar.open();
         hold_ends(first);
         first.save(scene);
     }
-    const auto crash = [&](bool saves)
+    const auto crash = [&](const std::string& folder, bool saves)
     {
-        Document document(scene, journals);
+        Document document(scene, folder);
         document.move_region("head", shifted(0.5));
         if (saves)
             document.save(scene, Overwrite::Yes);
         document.move_region("head", shifted(0.25));
     };
-    crash(true);
+    crash(journals, true);
     {
         Document document(scene, journals);
         ASSERT_GT(document.num_recoverable(), 0u);
         document.recover();
         document.save(scene); // its own save is there
-        document.close();
     }
-    crash(false);
+    crash(others, false);
     write_file(handles,
                support::bytes_of(handles) + "frame 70\nmove head translate 0 0 3\n",
                Overwrite::Yes);
-    Document document(scene, journals);
+    Document document(scene, others);
     ASSERT_GT(document.num_recoverable(), 0u);
     document.recover();
     EXPECT_THROW(document.save(scene), ChangedOnDisk);
