@@ -15,6 +15,7 @@
 
 #include "io/base64.h"
 #include "io/error.h"
+#include "io/gltf_json.h"
 #include "io/gltf_rebuild.h"
 #include "io/number.h"
 #include "io/packed.h"
@@ -295,7 +296,7 @@ std::string patched_json(std::string_view json, const GltfLayout& layout,
     for (std::size_t i = 0; i < layout.buffers.size(); ++i)
         if (uris[i] != layout.buffers[i].uri)
             replacements.push_back(
-                {*json_member(json, buffers[i], "uri"), "\"" + uris[i] + "\""});
+                {*json_member(json, buffers[i], "uri"), GltfJson::Json(uris[i]).dump()});
     std::sort(replacements.begin(), replacements.end(),
               [](const Replacement& a, const Replacement& b)
               { return a.range.begin < b.range.begin; });

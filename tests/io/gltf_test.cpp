@@ -235,6 +235,16 @@ TEST(Gltf, slashes_that_are_escaped_are_still_base64)
     EXPECT_EQ(scanned(patched(file, patch)).geometry.samples[2], patch.samples[2]);
 }
 
+TEST(Gltf, a_media_type_keeps_its_escapes)
+{
+    std::string uri = data_uri(triangle_body());
+    uri.replace(uri.find("octet"), 5, "o\\tet\\\"");
+    const GeometryFile file = scanned(triangle_text("\"mesh\":0", uri));
+    DeformedSamples patch = same(file.geometry);
+    patch.samples[2] = {1, 2, 3};
+    EXPECT_EQ(scanned(patched(file, patch)).geometry.samples[2], patch.samples[2]);
+}
+
 TEST(Gltf, a_binary_file_is_patched_with_its_lengths)
 {
     const std::string bytes = glb_triangle();
