@@ -173,9 +173,7 @@ public:
                      frames = static_cast<double>(times_.size());
         const double bytes_of_a_point = normals_of_ ? 24.0 : 12.0;
         if (bytes_of_a_point * points * (frames + 1.0) + 4.0 * frames * frames > 4.0e9)
-            throw Error(Fault::Usage,
-                        at({path, 0, ""}, "a .glb ends at 4 GB: use .pc2 or .mdd, or "
-                                          "fewer frames"));
+            throw too_large();
     }
 
     void add(const std::vector<Vector3d>& samples) override
@@ -486,6 +484,8 @@ private:
     {
         while (text.size() % 4 != 0)
             text += ' ';
+        if (!(static_cast<double>(length) + static_cast<double>(text.size()) < 4.2e9))
+            throw too_large();
         OutputFile& file = outputs_.add(path_);
         Bytes start(false);
         start.add_text("glTF");
@@ -506,6 +506,13 @@ private:
             targets_.read(at, part.data(), part.size());
             file.write(part);
         }
+    }
+
+    Error too_large() const
+    {
+        return Error(
+            Fault::Usage,
+            at({path_, 0, ""}, "a .glb ends at 4 GB: use .pc2 or .mdd, or fewer frames"));
     }
 
     /// A text in quotes; what is no UTF-8 in it is replaced.

@@ -80,7 +80,8 @@ bool is_written_plain(const std::string& output, const std::string& format)
            (output != "-" && extension_of(output) != format);
 }
 
-std::vector<std::string> left_out(const std::string& output, const Geometry& geometry)
+std::vector<std::string> left_out(const std::string& output, const Geometry& geometry,
+                                  bool has_texture)
 {
     const std::string extension = extension_of(output);
     if (extension == "pc2" || extension == "mdd")
@@ -92,7 +93,7 @@ std::vector<std::string> left_out(const std::string& output, const Geometry& geo
         if (attribute == "groups")
             return extension == "obj" || extension == "glb";
         if (attribute == "texture coordinates" || attribute == "TEXCOORD_0")
-            return extension == "glb";
+            return extension == "glb" && has_texture;
         if (attribute != "normals")
             return false;
         if (geometry.format == "stl")
@@ -106,10 +107,11 @@ std::vector<std::string> left_out(const std::string& output, const Geometry& geo
     return out;
 }
 
-std::string left_out_note(const std::string& output, const Geometry& geometry)
+std::string left_out_note(const std::string& output, const Geometry& geometry,
+                          bool has_texture)
 {
     constexpr std::size_t kMost = 6; // a splat has dozens
-    const std::vector<std::string> names = left_out(output, geometry);
+    const std::vector<std::string> names = left_out(output, geometry, has_texture);
     std::string text;
     for (std::size_t k = 0; k < std::min(kMost, names.size()); ++k)
         text += (k == 0 ? "" : ", ") + names[k];

@@ -32,11 +32,13 @@ bool is_written_plain(const std::string& output, const std::string& format);
 
 /// Of what the model's samples and faces carry, what is not in a file of this name: plain
 /// geometry, or a mesh that moves (.glb). Nothing is missing in a cache of points (.pc2,
-/// .mdd), which belongs to the model.
-std::vector<std::string> left_out(const std::string& output, const Geometry& geometry);
+/// .mdd), which belongs to the model. \p has_texture: texture coordinates were found.
+std::vector<std::string> left_out(const std::string& output, const Geometry& geometry,
+                                  bool has_texture);
 
 /// The same as a warning; empty: nothing is.
-std::string left_out_note(const std::string& output, const Geometry& geometry);
+std::string left_out_note(const std::string& output, const Geometry& geometry,
+                          bool has_texture);
 
 /// Throws what write_geometry() would throw, before any work is done for it; also for
 /// files that it writes beside \p output.

@@ -559,6 +559,11 @@ private:
                     targets && targets->is_array())
                     std::for_each(targets->begin(), targets->end(), count_all);
             }
+        for (std::size_t i = 0; i < nodes_.size(); ++i)
+            if (const Json* many = json_.extension(nodes_[i], kInstancingExtension))
+                if (const Json* all = json_.find(*many, "attributes");
+                    all && all->is_object())
+                    count_all(*all);
         for (const Json& skin : json_.list("skins"))
             if (const Json* bind = json_.find(skin, "inverseBindMatrices"))
                 count(*bind);

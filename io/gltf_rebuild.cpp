@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -618,6 +619,10 @@ private:
             chunks += word(chunk.size()) + std::string("BIN\0", 4) + chunk;
         }
         chunks += bytes.substr(rest, end - rest);
+        if (12 + chunks.size() > std::numeric_limits<std::uint32_t>::max())
+            throw Error(Fault::Usage,
+                        at({file_.path, 0, ""}, "needs more than the 4 GB that a .glb "
+                                                "holds, unpacked: make a .gltf of it"));
         std::string out(bytes.substr(0, 8));
         out += word(12 + chunks.size());
         out += chunks;

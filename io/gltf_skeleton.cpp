@@ -279,6 +279,12 @@ private:
                 taken.translation.reset();
             if (stays(taken.scale, rest.linear().colwise().norm()))
                 taken.scale.reset();
+            // The files may count in different units.
+            const double theirs = scale_above(other.nodes_, node),
+                         ours = scale_above(nodes_, own->second);
+            if (taken.translation && theirs > 0.0 && ours > 0.0)
+                for (double& x : taken.translation->numbers)
+                    x *= theirs / ours;
             channels_[own->second] = std::move(taken);
         }
         if (channels_.empty())
@@ -293,6 +299,15 @@ private:
                        (unknown.size() > 1
                             ? " (so do " + std::to_string(unknown.size() - 1) + " others)"
                             : "")));
+    }
+    /// The scale of what stands above a node.
+    static double scale_above(const GltfNodes& nodes, std::size_t node)
+    {
+        Affine3d above = Affine3d::Identity();
+        for (int parent = nodes.parent(node); parent >= 0;
+             parent = nodes.parent(static_cast<std::size_t>(parent)))
+            above = nodes.matrix(static_cast<std::size_t>(parent)) * above;
+        return std::cbrt(std::abs(above.linear().determinant()));
     }
     /// Whether the keys all say, to 1 %, what is there without them.
     static bool stays(const std::optional<Channel>& keys, const Vector3d& rest)

@@ -165,9 +165,20 @@ std::size_t ObjScanner::scan(std::string_view part, std::uint64_t start, bool is
     return done;
 }
 
+void for_each_obj_statement(std::string_view text,
+                            const std::function<void(std::string_view)>& visit)
+{
+    ObjScanner scanner("");
+    scanner.visit_ = visit;
+    Geometry unused;
+    scanner.scan(text, 0, true, unused);
+}
+
 void ObjScanner::statement(std::string_view line, std::uint64_t start,
                            std::int64_t number, Geometry& out)
 {
+    if (visit_)
+        return visit_(line);
     Tokens tokens(line, start);
     Token word;
     if (!tokens.next(word) || word.text[0] == '#')

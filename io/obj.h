@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -32,6 +33,10 @@ public:
     void finish(Geometry& out);
 
 private:
+    friend void
+    for_each_obj_statement(std::string_view text,
+                           const std::function<void(std::string_view)>& visit);
+
     void statement(std::string_view line, std::uint64_t start, std::int64_t number,
                    Geometry& out);
     void vertex(Tokens& tokens, std::int64_t line, Geometry& out);
@@ -53,7 +58,8 @@ private:
     std::uint32_t normal_of(std::int64_t index, std::int64_t read, std::int64_t line);
 
     std::string file_;
-    std::string joined_; ///< a statement continued over lines
+    std::function<void(std::string_view)> visit_; ///< gets all statements; none: read
+    std::string joined_;                          ///< a statement continued over lines
     std::int64_t lines_ = 0;
     std::int64_t num_texture_ = 0;
     Forward forward_vertex_, forward_normal_;
@@ -63,6 +69,10 @@ private:
     std::size_t groups_first_face_ = 0;
     std::size_t num_unknown_ = 0;
 };
+
+/// Calls \p visit with each statement of a whole OBJ, its continued lines joined.
+void for_each_obj_statement(std::string_view text,
+                            const std::function<void(std::string_view)>& visit);
 
 /// Gives every use of a direction its statement: the first use of a direction keeps the
 /// file's own, every other one joins the first statement that is near enough or opens

@@ -5,65 +5,19 @@
 
 #include <cmath>
 #include <optional>
-#include <string>
 #include <string_view>
 
 #include "io/gltf.h"
 #include "io/gltf_json.h"
 #include "io/number.h"
+#include "io/obj.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
 
 namespace
 {
-
-/// The words of an OBJ's statements.
-class ObjWords
-{
-public:
-    explicit ObjWords(std::string_view text) : text_(text) {}
-
-    /// The next word of the statement; false at its end.
-    bool next(std::string_view& word)
-    {
-        while (at_ < text_.size() && text_[at_] != '\n')
-        {
-            if (is_blank(text_[at_]) || is_continued())
-                at_ += is_continued() ? text_.find('\n', at_) - at_ + 1 : 1;
-            else
-            {
-                const std::size_t first = at_;
-                while (at_ < text_.size() && text_[at_] != '\n' &&
-                       !is_blank(text_[at_]) && !is_continued())
-                    ++at_;
-                word = text_.substr(first, at_ - first);
-                return word[0] != '#';
-            }
-        }
-        return false;
-    }
-    /// To the next statement; false at the end of the text.
-    bool go_on()
-    {
-        while (at_ < text_.size() && text_[at_] != '\n')
-            at_ += is_continued() ? text_.find('\n', at_) - at_ + 1 : 1;
-        if (at_ < text_.size())
-            ++at_;
-        return at_ < text_.size();
-    }
-
-private:
-    static bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
-    bool is_continued() const
-    {
-        const std::string_view rest = text_.substr(at_, 3);
-        return rest.starts_with("\\\n") || rest.starts_with("\\\r\n");
-    }
-
-    std::string_view text_;
-    std::size_t at_ = 0;
-};
 
 /// The second of "v/vt/vn"; 0: there is none.
 std::int64_t texture_of_corner(std::string_view corner)
@@ -77,26 +31,34 @@ std::int64_t texture_of_corner(std::string_view corner)
 
 std::vector<TextureCoordinate> of_obj(const GeometryFile& file)
 {
-    std::vector<TextureCoordinate> pool, corners;
+    std::vector<TextureCoordinate> pool;
     std::vector<std::int64_t> indices; // of corners, -1: none
-    bool has_some = false;
-    ObjWords words(file.bytes);
-    do
+    const auto read = [&](std::string_view statement)
     {
+        Tokens tokens(statement, 0);
+        const auto next = [&](std::string_view& word)
+        {
+            Token token;
+            const bool is_there = tokens.next(token) && token.text[0] != '#';
+            word = token.text;
+            return is_there;
+        };
         std::string_view word;
-        if (!words.next(word) || (word != "vt" && word != "f"))
-            continue;
+        if (!next(word))
+            return;
         if (word == "vt")
         {
             TextureCoordinate place = {0.0f, 0.0f};
-            for (std::size_t k = 0; k < 2 && words.next(word); ++k)
+            for (std::size_t k = 0; k < 2 && next(word); ++k)
                 place[k] = static_cast<float>(parse_double(word).value_or(0.0));
             place[1] = 1.0f - place[1];
             pool.push_back(place);
-            continue;
+            return;
         }
+        if (word != "f" && word != "fo")
+            return;
         const std::size_t first = indices.size();
-        while (words.next(word))
+        while (next(word))
         {
             const std::int64_t index = texture_of_corner(word);
             indices.push_back(index > 0   ? index - 1
@@ -105,9 +67,12 @@ std::vector<TextureCoordinate> of_obj(const GeometryFile& file)
         }
         if (indices.size() - first < 3)
             indices.resize(first); // no face
-    } while (words.go_on());
+    };
+    for_each_obj_statement(file.bytes, read);
     if (indices.size() != file.geometry.corners.size())
         return {};
+    bool has_some = false;
+    std::vector<TextureCoordinate> corners;
     for (const std::int64_t index : indices)
     {
         const bool is_there =
@@ -134,6 +99,7 @@ std::vector<TextureCoordinate> of_gltf(const GeometryFile& file)
         {
             if (run.list != 0)
                 continue;
+            std::optional<std::size_t> of_run; // the accessor that was read
             for (const GltfJson::Json& primitive :
                  json.list("meshes")[part.mesh]["primitives"])
             {
@@ -143,6 +109,10 @@ std::vector<TextureCoordinate> of_gltf(const GeometryFile& file)
                     found->get<std::size_t>() >= layout.accessors.size() ||
                     attributes["POSITION"].get<double>() !=
                         static_cast<double>(run.accessor))
+                    continue;
+                if (of_run && *of_run != found->get<std::size_t>())
+                    return {}; // a place has one coordinate, not two
+                if (of_run)
                     continue;
                 const GltfAccessor& accessor =
                     layout.accessors[found->get<std::size_t>()];
@@ -155,7 +125,7 @@ std::vector<TextureCoordinate> of_gltf(const GeometryFile& file)
                     samples[run.first + i] = {static_cast<float>(numbers[2 * i]),
                                               static_cast<float>(numbers[2 * i + 1])};
                 has_some = true;
-                break;
+                of_run = found->get<std::size_t>();
             }
         }
     std::vector<TextureCoordinate> corners;

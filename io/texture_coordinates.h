@@ -15,7 +15,7 @@ namespace cellwarp
 using TextureCoordinate = std::array<float, 2>;
 
 /// One for each corner of the faces of an OBJ or a glTF (its first set); where a face has
-/// none, (0, 0). Empty: the model has none.
+/// none, (0, 0). Empty: the model has none, or several at one place of a glTF.
 std::vector<TextureCoordinate> texture_coordinates(const GeometryFile& file);
 
 } // namespace cellwarp

@@ -449,15 +449,21 @@ int run(const DeformFlags& flags, const CommonFlags& common)
                        !name.has_frame() && !frames.empty();
     OutputSet outputs(common.overwrite());
     std::optional<AnimationFile> animation;
+    std::vector<TextureCoordinate> texture;
     if (moves)
-        animation.emplace(
-            flags.output, outputs, model->geometry, frame_times(*request.handles),
-            normals_to_write(flags.output, model->geometry), texture_coordinates(*model));
+    {
+        texture = texture_coordinates(*model);
+        animation.emplace(flags.output, outputs, model->geometry,
+                          frame_times(*request.handles),
+                          normals_to_write(flags.output, model->geometry), texture);
+    }
     else
         check_model_outputs(name, *model, frames, flags.conversion(), common);
     std::vector<std::string> warnings = request.warnings;
     if (moves || is_written_plain(name.of(0), model->geometry.format))
-        if (std::string note = left_out_note(name.of(0), model->geometry); !note.empty())
+        if (std::string note =
+                left_out_note(name.of(0), model->geometry, !texture.empty());
+            !note.empty())
             warnings.push_back(std::move(note));
     ms.load = ms_since(start);
     Outcome outcome =

@@ -169,10 +169,12 @@ public:
         for (std::int64_t frame = 0; frame <= in_time.last_frame(); ++frame)
             times.push_back(in_time.time_of(frame));
         const Geometry& geometry = in_time.model()->geometry;
+        const std::vector<TextureCoordinate> texture =
+            texture_coordinates(*in_time.model());
         animation_.emplace(flags.output, set_, geometry, std::move(times),
-                           normals_to_write(flags.output, geometry),
-                           texture_coordinates(*in_time.model()));
-        if (std::string note = left_out_note(flags.output, geometry); !note.empty())
+                           normals_to_write(flags.output, geometry), texture);
+        if (std::string note = left_out_note(flags.output, geometry, !texture.empty());
+            !note.empty())
             warnings_.push_back(std::move(note));
     }
 
