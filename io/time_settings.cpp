@@ -73,13 +73,17 @@ void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings
         out.gravity = simulate.vector("gravity", *gravity);
     read(simulate, "viscosity", 0.0, 1e30, out.viscosity);
     if (const Json* const report = simulate.find("report"))
+    {
+        bool is_right = report->is_array();
         for (const Json& one : *report)
         {
             out.reports_forces = out.reports_forces || one == "forces";
             out.reports_sections = out.reports_sections || one == "sections";
-            if (one != "forces" && one != "sections")
-                simulate.fail("report", "need a list of forces and sections");
+            is_right = is_right && (one == "forces" || one == "sections");
         }
+        if (!is_right)
+            simulate.fail("report", "need a list of forces and sections");
+    }
     simulate.warn_of_the_rest();
     const double steps = every.value_or(out.every) / out.dt,
                  whole = std::max(std::round(steps), 1.0);

@@ -454,11 +454,8 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
         return;
     const double duration = to.time - from.time;
     model.lead(
-        [this, ways = std::move(ways), duration, changes_loads,
-         begin = from.time](double share)
+        [this, ways = std::move(ways), duration](double share)
         {
-            if (changes_loads)
-                set_loads(begin + share * duration);
             for (const Way& one : ways)
             {
                 const double angle = one.turn.norm();
@@ -476,7 +473,10 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
                 }
             }
         },
-        duration, changes_loads);
+        duration,
+        changes_loads ? [this, duration, begin = from.time](double share)
+            { set_loads(begin + share * duration); }
+                      : std::function<void(double)>());
 }
 
 bool RodPart::changes_loads() const

@@ -122,44 +122,8 @@ InnerForces::InnerForces(const RodState& state) : state_(state)
                          stiffness * (state.twist(e) - rest_twist) / span.length);
     }
     for (Piece& piece : pieces_)
-    {
         if (piece.slope.at.empty())
             piece.slope.add(piece.bending.at.front(), Vector3d::Zero());
-        piece.tension.smooth_ends();
-    }
-}
-
-/// Where more places are in the last spans, stretch ripples by some percent of the forces
-/// there, and dies away within four spans: these follow from a parabola through those
-/// inside.
-template <class Value>
-void InnerForces::Samples<Value>::smooth_ends()
-{
-    constexpr std::size_t kRipple = 4, kWide = 2;
-    const std::size_t count = at.size();
-    if (count < 2 * kRipple + 4)
-        return;
-    const std::size_t stride = count >= 2 * kRipple + 2 * kWide + 1 ? kWide : 1;
-    for (const bool is_end : {false, true})
-    {
-        const auto from = [&](std::size_t k) { return is_end ? count - 1 - k : k; };
-        std::array<std::size_t, 3> inside;
-        for (std::size_t k = 0; k < 3; ++k)
-            inside[k] = from(kRipple + k * stride);
-        for (std::size_t k = 0; k < kRipple; ++k)
-        {
-            Value sum = Value();
-            for (const std::size_t a : {0u, 1u, 2u})
-            {
-                const std::size_t b = (a + 1) % 3, c = (a + 2) % 3;
-                const double of_a = at[inside[a]], of_b = at[inside[b]],
-                             of_c = at[inside[c]], here = at[from(k)];
-                sum += (here - of_b) * (here - of_c) / ((of_a - of_b) * (of_a - of_c)) *
-                       value[inside[a]];
-            }
-            value[from(k)] = sum;
-        }
-    }
 }
 
 SectionForces InnerForces::in(std::size_t span, double s) const

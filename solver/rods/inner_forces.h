@@ -38,7 +38,6 @@ private:
         std::vector<double> at;
         std::vector<Value> value;
         void add(double length, const Value& one);
-        void smooth_ends();
         Value operator()(double length) const;
     };
     struct Piece

@@ -178,9 +178,9 @@ void RodModel::add_drags(double scale, BandMatrix& out) const
 }
 
 void RodModel::lead(std::function<void(double share)> hold, double duration,
-                    bool changes_loads)
+                    std::function<void(double share)> set_loads)
 {
-    changes_loads_ = changes_loads;
+    set_loads_ = std::move(set_loads);
     hold_ = std::move(hold);
     duration_ = duration;
     lead_to(0.0);
@@ -189,7 +189,7 @@ void RodModel::lead(std::function<void(double share)> hold, double duration,
 void RodModel::stop_leading()
 {
     hold_ = nullptr;
-    changes_loads_ = false;
+    set_loads_ = nullptr;
     duration_ = time_led_ = 0.0;
     for (RodConstraint& constraint : constraints)
     {
@@ -211,6 +211,13 @@ void RodModel::lead_to(double time)
         return;
     time_led_ = time;
     hold_(std::min(time / duration_, 1.0));
+    load_as_at(time);
+}
+
+void RodModel::load_as_at(double time)
+{
+    if (set_loads_)
+        set_loads_(std::min(time / duration_, 1.0));
 }
 
 bool RodModel::is_led() const

@@ -98,16 +98,18 @@ public:
     /// of the way that they go in the next \p duration [s], evenly; steps call it for
     /// each moment that they look at. It is called for the begin at once. Steps beyond
     /// the duration need another lead, or none.
-    /// \p changes_loads: it sets loads, too.
+    /// \p set_loads sets loads likewise; none: they stay.
     void lead(std::function<void(double share)> hold, double duration,
-              bool changes_loads = false);
-    bool changes_loads() const { return changes_loads_; }
+              std::function<void(double share)> set_loads = {});
+    bool changes_loads() const { return set_loads_ != nullptr; }
     /// Constraints stay where they are.
     void stop_leading();
     /// How much of duration is over [s]; without a lead 0.
     double time_led() const { return time_led_; }
     /// Brings constraints to where they are at a moment of duration [s].
     void lead_to(double time);
+    /// Sets loads alone to what they are at a moment of duration [s].
+    void load_as_at(double time);
     /// Constraints move in the next step.
     bool is_led() const;
     /// A step begins from \p state: what goes with the curve goes on from there.
@@ -153,7 +155,7 @@ private:
     mutable std::vector<HeldBasis> held_; ///< of constraints that were asked for
     std::function<void(double)> hold_;    ///< of a lead
     double duration_ = 0.0, time_led_ = 0.0;
-    bool changes_loads_ = false;
+    std::function<void(double)> set_loads_;
 };
 
 /// out += scale * L^T lambda

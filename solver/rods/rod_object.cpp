@@ -106,6 +106,8 @@ void RodObject::start(double step)
         hold_velocity();
     time_led_ = model_.time_led();
     model_.lead_to(time_led_ + step);
+    if (is_midpoint_)
+        model_.load_as_at(time_led_ + 0.5 * step); // forces are those of the middle
     pull_ = model_.viscosity / step_ + 1.0 / (step_ * step_);
     velocity_before_ = *velocity_;
     momentum_ = model_.mass().times(*velocity_) / step_;

@@ -537,6 +537,8 @@ TEST(Flat, what_is_told_to_bend_in_space_is_no_stiffer_where_it_is_pressed)
                               "move hand rotate 0 0 1 5 translate -2 0.05 0\n";
     const Session flat = played(strip, press, std::nullopt),
                   space = played(strip, press, false);
+    EXPECT_TRUE(flat.system()->rest().is_flat());
+    EXPECT_FALSE(space.system()->rest().is_flat());
     EXPECT_LE(space.frames()[0].solve.energy_after, flat.frames()[0].solve.energy_after);
     for (const Eigen::Vector3d& x : flat.deformed().samples)
         EXPECT_EQ(x.z(), 0.0);
