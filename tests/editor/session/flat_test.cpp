@@ -471,11 +471,12 @@ TEST(Flat, what_spans_no_plane_is_not_kept_in_one)
     EXPECT_EQ(as_told(dented, kBend), "space");
     SessionSettings askew;
     askew.cells.frame.emplace();
-    askew.cells.frame->origin = {-9, -9, -9};
+    askew.cells.frame->origin = {-9, -9, -15};
     askew.cells.frame->axes = {{{1, 0, 0}, {0, 0.8, 0.6}, {0, -0.6, 0.8}}};
     askew.cells.frame->size = {20, 20, 20};
     EXPECT_FALSE(
         played(flat_l(), kBend, std::nullopt, 1e-6, askew).system()->rest().is_flat());
+    askew.cells.frame->origin = {-2, -9, -9};
     askew.cells.frame->axes = {{{0.6, 0.8, 0}, {-0.8, 0.6, 0}, {0, 0, 1}}};
     EXPECT_EQ(as_told(flat_l(), kBend, askew), "flat");
 }
@@ -510,10 +511,11 @@ TEST(Flat, a_later_frame_that_leaves_the_plane_is_an_error_that_says_what_lets_i
                                 "model"))
         << error;
     EXPECT_TRUE(contains(error, "--no-flat, or cells.flat false,")) << error;
+    const Session space = played(flat_l(), later, false);
     double height = 0.0;
-    for (const Eigen::Vector3d& x : played(flat_l(), later, false).deformed().samples)
+    for (const Eigen::Vector3d& x : space.deformed().samples)
         height = std::max(height, x.z());
-    EXPECT_NEAR(height, 0.1, 0.01);
+    EXPECT_GT(height, 0.099);
 }
 
 TEST(Flat, each_stage_is_kept_in_its_plane_by_its_own_first_move)
