@@ -122,7 +122,8 @@ Error JsonError::with_line(const std::string& path, const std::string& text) con
     return malformed({path, line_of_field(text, field_), field_}, what_);
 }
 
-Json parse_json(const std::string& path, const std::string& text)
+Json parse_json(const std::string& path, const std::string& text,
+                std::vector<std::string>* warnings)
 {
     Json json;
     KeysInUse keys;
@@ -149,9 +150,9 @@ Json parse_json(const std::string& path, const std::string& text)
     {
         throw malformed({path, 0, ""}, "holds a number that is out of range");
     }
-    if (!twice.empty())
-        throw malformed({path, line_of_field(text, twice), twice},
-                        "stands twice in its object");
+    if (warnings && !twice.empty())
+        warnings->push_back(at({path, line_of_field(text, twice), twice},
+                               "is in its object more than once: the last value counts"));
     return json;
 }
 

@@ -23,8 +23,11 @@ namespace cellwarp
 
 using Json = nlohmann::json;
 
-/// Throws Fault::Malformed with the line of a syntax error; deep nesting is one.
-Json parse_json(const std::string& path, const std::string& text);
+/// Throws Fault::Malformed with the line of a syntax error; deep nesting is one. The last
+/// of several values of one key counts; \p warnings, if there are any, name the first
+/// such key.
+Json parse_json(const std::string& path, const std::string& text,
+                std::vector<std::string>* warnings = nullptr);
 
 /// A wrong value, told by its key from the root on: "rods[2].points". Where it stands in
 /// the text is not known yet: with_lines() finds it.

@@ -813,7 +813,7 @@ RodScene rod_scene_of(const std::string& path, const std::string& text)
 {
     RodScene scene;
     scene.path = path;
-    const Json json = parse_json(path, text);
+    const Json json = parse_json(path, text, &scene.warnings);
     RodReader root(json, scene, "", scene.warnings);
     std::int64_t version = 0;
     if (!json.contains("cellwarp"))

@@ -62,7 +62,7 @@ SceneFile scene_of(const std::string& path, const std::string& text)
     SceneFile scene;
     scene.path = path;
     scene.text = text;
-    const Json json = parse_json(path, text);
+    const Json json = parse_json(path, text, &scene.warnings);
     JsonObject root(json, path, "", scene.warnings);
     const Json* version = root.find("cellwarp");
     if (!version || !version->is_number_integer())

@@ -145,21 +145,24 @@ TEST(SceneFile, what_is_wrong_is_told_with_its_line)
     EXPECT_TRUE(contains(refused(head + "  \"field\": [\n1]}"), "s.json:4: field: need"));
 }
 
-TEST(SceneFile, a_key_that_stands_twice_is_refused_with_its_line)
+TEST(SceneFile, a_key_that_is_there_twice_is_warned_of_with_its_line)
 {
-    EXPECT_EQ(refused("{\"cellwarp\": 1, \"model\": \"a.obj\",\n\"cells\": {\n"
-                      "\"across\": 9, \"across\": 9}}"),
-              "s.json:3: cells.across: stands twice in its object");
-    EXPECT_TRUE(contains(
-        refused(with(R"("rods": [{"name": "a"}, {"name": "b", "x": 1, "x": 1}])")),
-        "rods[1].x: stands twice"));
-    EXPECT_TRUE(contains(refused(with(R"("cells": {}, "\u0063ells": {})")),
-                         "cells: stands twice"));
-    // What is no JSON after it is told first.
+    const auto warnings = [](const std::string& text)
+    { return parse_scene("s.json", text).warnings; };
+    const std::string says = ": is in its object more than once: the last value counts";
+    const std::string text = "{\"cellwarp\": 1, \"model\": \"a.obj\",\n\"cells\": {\n"
+                             "\"across\": 9, \"across\": 7}}";
+    EXPECT_EQ(warnings(text),
+              (std::vector<std::string>{"s.json:3: cells.across" + says}));
+    EXPECT_EQ(parse_scene("s.json", text).settings.cells.across, 7);
+    EXPECT_TRUE(contains(warnings(with(R"("cells": {}, "\u0063ells": {})")).at(0),
+                         "cells" + says));
     EXPECT_TRUE(contains(refused(R"({"a": 1, "a": 1, )"), "is no JSON"));
     // The same key of two objects is no such thing.
-    parse_scene("s.json", with(R"("note": [{"a": 1}, {"a": [1, {"a": 2}]}],
-                                  "more": {"note": {"a": [1, 2]}})"));
+    const std::string apart = with(R"("note": [{"a": 1}, {"a": [1, {"a": 2}]}],
+                                      "more": {"note": {"a": [1, 2]}})");
+    for (const std::string& warning : warnings(apart))
+        EXPECT_FALSE(contains(warning, says)) << warning;
 }
 
 } // namespace cellwarp
