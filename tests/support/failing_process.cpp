@@ -114,4 +114,12 @@ extern "C"
         static const auto real = next<int(const char*, const char*)>("rename");
         return fails("rename", EACCES) ? -1 : real(from, to);
     }
+    int renameat2(int from_folder, const char* from, int to_folder, const char* to,
+                  unsigned flags)
+    {
+        return fails("rename", EACCES)
+                   ? -1
+                   : static_cast<int>(::syscall(SYS_renameat2, from_folder, from,
+                                                to_folder, to, flags));
+    }
 }

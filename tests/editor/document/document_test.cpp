@@ -666,7 +666,7 @@ TEST(Document, edits_that_were_recovered_onto_other_files_are_not_saved_unasked)
     std::filesystem::create_directory(journals);
     std::filesystem::create_directory(others);
     {
-        Document first = bar.open();
+        Document first = bar.open(false);
         hold_ends(first);
         first.save(scene);
     }

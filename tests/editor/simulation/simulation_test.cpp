@@ -397,7 +397,8 @@ TEST(Simulation, a_ring_that_keys_move_carries_the_rope)
         simulation.step();
     EXPECT_TRUE(simulation.report().is_converged);
     double nearest = 1.0;
-    for (const Eigen::Vector3d& p : simulation.rods(2001)[0].curve)
+    const std::vector<SimulatedRod> rods = simulation.rods(2001);
+    for (const Eigen::Vector3d& p : rods[0].curve)
         nearest = std::min(nearest, (p - Eigen::Vector3d(0.5, 0.4, 0.1)).norm());
     EXPECT_LT(nearest, 1e-3);
 }
