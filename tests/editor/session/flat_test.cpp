@@ -481,26 +481,6 @@ TEST(Flat, what_spans_no_plane_is_not_kept_in_one)
     EXPECT_EQ(as_told(flat_l(), kBend, askew), "flat");
 }
 
-TEST(Flat, rods_and_skeletons_bend_flat_models_in_space)
-{
-    EXPECT_FALSE(played(flat_l(),
-                        "fixed foot box -1 -1 -1 0.3 4 1\n"
-                        "curve way through 2 0 0  3 0 0\n" +
-                            std::string("handle hand box 2.7 -1 -1 4 4 1\nframe 1\n"
-                                        "move hand translate 0 0.1 0\n"),
-                        std::nullopt)
-                     .system()
-                     ->rest()
-                     .is_flat());
-    EXPECT_FALSE(played(flat_l(),
-                        "joint a at 0.2 0.2 0\njoint b at 2 0.2 0 parent a\nframe 1\n"
-                        "move b rotate 0 0 1 20\n",
-                        std::nullopt)
-                     .system()
-                     ->rest()
-                     .is_flat());
-}
-
 TEST(Flat, a_later_frame_that_leaves_the_plane_is_an_error_that_says_what_lets_it)
 {
     const std::string later = kEnds + "frame 1\nmove hand translate 0 0.3 0\nframe 4\n"

@@ -566,4 +566,15 @@ TEST(RodSession, a_flat_model_takes_no_rod)
         contains(error_of(Fault::Malformed, play), "h.handles:3: spine: a flat model"));
 }
 
+TEST(RodSession, a_flat_model_with_a_curve_bends_in_space)
+{
+    const Session session = played(support::sheet_shape(3.0, 1.0, 6),
+                                   "fixed foot box -1 -1 -1 0.3 4 1\n"
+                                   "curve way through 2 0 0  3 0 0\n"
+                                   "handle hand box 2.7 -1 -1 4 4 1\nframe 1\n"
+                                   "move hand translate 0 0.1 0\n",
+                                   settings(12));
+    EXPECT_FALSE(session.system()->rest().is_flat());
+}
+
 } // namespace cellwarp

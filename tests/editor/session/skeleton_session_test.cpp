@@ -435,4 +435,13 @@ TEST(SkeletonSession, a_commit_starts_a_skeleton_anew)
     EXPECT_EQ(session.joints()[1].name, "b");
 }
 
+TEST(SkeletonSession, a_flat_model_with_a_skeleton_bends_in_space)
+{
+    const Session session = played(support::sheet_shape(3.0, 1.0, 6),
+                                   "joint a at 0.2 0.5 0\njoint b at 2 0.5 0 parent a\n"
+                                   "frame 1\nmove b rotate 0 0 1 20\n",
+                                   settings(12));
+    EXPECT_FALSE(session.system()->rest().is_flat());
+}
+
 } // namespace cellwarp
