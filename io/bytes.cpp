@@ -243,7 +243,8 @@ std::shared_ptr<const Descriptor> lock_of_file(const char* name,
 }
 
 /// Removes what killed runs have left in a folder, when this process first writes there.
-/// What cannot be removed stays, and all where a run holds the lock of the folder.
+/// Removes temporaries that killed runs left. One that cannot be removed stays; all stay
+/// while a run holds the lock of the folder.
 void sweep_folder(const std::string& folder)
 {
     static std::mutex mutex;

@@ -15,8 +15,8 @@
 namespace cellwarp
 {
 
-/// What the compressed bytes should hold. They may hold fewer vertices and triangles:
-/// encoders leave out triangles without area.
+/// The content that a file declares for compressed bytes. They may hold fewer vertices
+/// and triangles: encoders leave out triangles without area.
 struct DracoWish
 {
     struct Attribute

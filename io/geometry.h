@@ -61,7 +61,7 @@ struct ByteOffsets
         return records.empty() ? starts[number]
                                : records.start(number / length, number % length);
     }
-    /// Of all numbers of vector \p i.
+    /// Writes the starts of all numbers of vector \p i.
     void starts_of(std::size_t i, std::uint64_t* out) const
     {
         if (!records.empty())

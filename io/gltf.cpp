@@ -50,7 +50,7 @@ public:
 
     void read()
     {
-        // What is unpacked is in memory whole: there is no plan for it.
+        // Unpacked data are in memory as a whole: they have no plan.
         layout_.is_patched = !layout_.is_packed && !has_gpu_instances();
         if (!plan_ || layout_.is_patched)
         {
@@ -126,7 +126,7 @@ private:
                 instance(visit.node, to_world * places[k], k);
         }
     }
-    /// Of instances of a node's mesh, in the node.
+    /// Places in the node of the instances of its mesh.
     template <class Count>
     std::vector<Eigen::Affine3d> gpu_places(const Json& many, const std::string& where,
                                             Count&& count) const
@@ -517,8 +517,8 @@ private:
             for (const GltfLayout::Run& run : part.runs)
                 layout_.is_patched = layout_.is_patched && layout_.is_own(run.accessor);
     }
-    /// Of accessors that runs read: what else reads them, whether it is in the scene or
-    /// not.
+    /// Counts the other readers of accessors that runs read, inside and outside of the
+    /// scene.
     void count_other_uses()
     {
         std::set<std::size_t> nodes, shown, hidden; // the latter two of meshes

@@ -35,7 +35,7 @@ struct GltfSparse
     Scalar index_type = Scalar::UInt8;
 };
 
-/// What numbers are, and where: starts count in Geometry::unpacked.
+/// Type and place of numbers: starts count in Geometry::unpacked.
 struct GltfAccessor
 {
     Scalar type = Scalar::Float32;
@@ -114,7 +114,8 @@ struct GltfLayout
     std::vector<GltfAccessor> accessors;
     std::vector<Part> parts;
     std::vector<Data> data;
-    /// Of each accessor: how many runs, and what else, read its numbers; 0: no run does.
+    /// For each accessor the number of runs and others that read its numbers; 0: no run
+    /// does.
     std::vector<std::size_t> uses;
     bool does_overlap = false; ///< some accessor reads where numbers of another one move
     bool is_packed = false;    ///< some data are compressed

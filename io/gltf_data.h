@@ -40,7 +40,7 @@ public:
 
     const GltfJson& json() const { return *json_; }
     const std::vector<GltfAccessor>& accessors() const { return layout_.accessors; }
-    /// Of all buffers, and of what is unpacked.
+    /// Size of all buffers and of unpacked data [byte].
     std::uint64_t body_bytes() const { return body_bytes_; }
 
     /// Zeros take no bytes in the file: they must not take many here.

@@ -7,8 +7,8 @@
 namespace cellwarp
 {
 
-/// What the compressed data of a glTF unpack to, as its \p json says [byte]; 0 if there
-/// are none. JSON that cannot be read has none.
+/// Size of the compressed data of a glTF when unpacked, as its \p json states it [byte];
+/// 0 if there are none. JSON that cannot be read has none.
 double unpacked_gltf_bytes(std::string_view json);
 
 } // namespace cellwarp

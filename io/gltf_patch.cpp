@@ -44,7 +44,7 @@ Eigen::Vector3d with_length_of(const Eigen::Vector3d& vector,
     return length > 0 ? Eigen::Vector3d(vector * (other.norm() / length)) : vector;
 }
 
-/// What becomes of one list of samples, directions or tangents.
+/// One list of samples, directions or tangents before and after the move.
 struct Motion
 {
     const std::vector<Eigen::Vector3d>&before, &after;

@@ -31,7 +31,7 @@ namespace
 using OrderedJson = nlohmann::ordered_json;
 using Kind = GltfLayout::Buffer::Kind;
 
-/// Where views begin: no number of a glTF is longer.
+/// Views begin at multiples of this: no number of a glTF is longer.
 constexpr std::size_t kAlignment = 8;
 
 std::size_t index_in(const OrderedJson& value)
@@ -80,7 +80,7 @@ public:
                 change == kPackedBegins || change == kLiveBegins ? 1 : -1;
             if (packed == 0 || live > 0 || i + 1 == edges.size())
                 continue;
-            // What is left keeps its alignment.
+            // The remaining bytes keep their alignment.
             const std::uint64_t begin =
                 start + (place - start + kAlignment - 1) / kAlignment * kAlignment;
             const std::uint64_t end =
@@ -188,7 +188,7 @@ private:
         free_views_.assign(draco_views_.begin(), draco_views_.end());
     }
 
-    /// Where the file holds the same uncompressed, nobody has looked at it.
+    /// Notes a view of Draco data. It is unchecked if the file has the same uncompressed.
     void note_draco_view(const OrderedJson& packed)
     {
         if (packed.is_object() && packed.contains("bufferView") &&
@@ -218,7 +218,7 @@ private:
                 add(views[i], Cuts::kPackedBegins, Cuts::kPackedEnds);
             else
                 add(views[i], Cuts::kLiveBegins, Cuts::kLiveEnds);
-            // Of one that nobody had to unpack nothing has been checked.
+            // A view that did not have to be unpacked has not been checked.
             const OrderedJson* const packed = extension_of(views[i], kMeshoptExtension);
             if (packed &&
                 layout_.buffers[index_in(views[i]["buffer"])].kind == Kind::Unpacked)
@@ -313,7 +313,7 @@ private:
         for (std::size_t i = 0; i < moved_.size(); i = end_of_part(i))
         {
             const GltfLayout::Part& part = layout_.parts[moved_[i].part];
-            // Where nothing is left that shows the mesh as it was, one takes its place.
+            // If nothing shows the mesh as it was any more, a moved one replaces it.
             const std::size_t new_mesh = mesh_of(
                 i, moved_users[part.mesh] == users[part.mesh], users[part.mesh] == 1);
             if (part.gpu_instance)

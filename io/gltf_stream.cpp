@@ -38,7 +38,7 @@ using Kind = GltfLayout::Buffer::Kind;
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t(1) << 28;
 /// Of its values, in memory [byte per byte of the text].
 constexpr double kMemoryPerJsonByte = 16.0;
-/// Of files that are read whole, for each byte of them and of what they unpack to.
+/// Memory of a file that is read whole, for each of its bytes and of its unpacked ones.
 constexpr double kMemoryPerByte = 8.0;
 /// Samples of such a file that are moved at a time: enough that lists around them are no
 /// matter.
@@ -589,7 +589,7 @@ void GltfStream::show(double done) const
         work_.progress(done);
 }
 
-/// What belongs to a range of samples, of all vectors of one kind.
+/// The vectors of one kind that belong to a range of samples.
 class Hangers
 {
 public:

@@ -152,7 +152,7 @@ public:
         const Slot slot = slot_of(i);
         return layout_.first[k] + slot.record * layout_.stride[k] + slot.shift;
     }
-    /// Of all \p length numbers of the vector.
+    /// Writes the starts of all \p length numbers of the vector.
     void starts(std::size_t i, std::size_t length, std::uint64_t* out) const
     {
         const Slot slot = slot_of(i);

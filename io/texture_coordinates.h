@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Where the corners of a model's faces lie on its picture. No deformation changes that:
-// only files that are written anew ask for it.
+// Texture coordinates of the corners of a model's faces. No deformation changes them:
+// only files that are written anew need them.
 #pragma once
 
 #include <array>

@@ -24,8 +24,8 @@ struct TimeSettings
     Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]
     double viscosity = 0.0;          ///< [N s/m^2]
     double unit = 1.0;               ///< of the model [m]
-    /// What --json has of rods in each frame beside what moves: what holds, joints and
-    /// contacts act with; what sections carry.
+    /// Additions to --json of rods in each frame: forces of holds, joints and contacts;
+    /// forces of sections.
     bool reports_forces = false, reports_sections = false;
 
     bool is_static() const { return integrator == "static"; }

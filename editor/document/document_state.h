@@ -339,7 +339,7 @@ struct Document::State
     std::string free_name(Role role) const;
     /// Of the next frame. Throws where there is none.
     std::int64_t next_number() const;
-    /// What the current stage may be kept in where its settings leave that open.
+    /// The plane that the current stage may be kept in if its settings leave that open.
     std::optional<DefaultPlane> default_plane() const;
     /// More frames of the current stage. Where they are the first that take a flat model
     /// out of its plane it is no longer kept in it, and a scene that is saved says so.

@@ -318,7 +318,7 @@ struct Editing::State
                            });
     }
 
-    /// What the hand holds waits for cells that are not kept in a plane.
+    /// Makes the drag wait for cells that are not kept in a plane.
     void follow_into_space()
     {
         hand->is_in_space = true;

@@ -51,7 +51,8 @@ std::vector<Motion> DefaultPlane::motions(const FrameStatement& frame,
     std::vector<std::string> warnings; // they come with the frame
     for (const Move& move : frame.moves)
     {
-        // What turns about its middle, or its border, turns about a place of the plane.
+        // The middle and the border of a region, about which it may turn, are in the
+        // plane.
         const HandleTrajectory path(
             {}, steps_of(move, units, {place_, place_, place_}, "", warnings));
         for (const double t : {0.25, 0.5, 1.0})
@@ -69,7 +70,7 @@ bool DefaultPlane::keeps(const FrameStatement& frame, bool is_relative) const
         { return keeps_plane(motion, normal_, place_, frame_.diagonal(), kSurelyKept); });
 }
 
-/// Of the first frame that moves something; nothing: none does.
+/// Whether the first frame that moves something keeps the plane; nothing: none moves.
 std::optional<bool> DefaultPlane::keeps_first(std::span<const FrameStatement> frames,
                                               bool is_relative) const
 {

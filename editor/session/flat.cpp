@@ -145,7 +145,7 @@ std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& 
 
 std::optional<Eigen::Vector3d> spanned_plane(const std::vector<Eigen::Vector3d>& samples)
 {
-    // What is narrower is a line: its roundings do not tell a plane from another one.
+    // Samples in a narrower strip are a line: rounding alone would choose their plane.
     constexpr double kLine = 1e-6; // [diagonal]
     const std::optional<FoundPlane> plane = plane_of(samples);
     return plane && plane->width > kLine ? std::optional(plane->normal) : std::nullopt;

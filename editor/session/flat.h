@@ -29,8 +29,8 @@ std::optional<Eigen::Vector3d> spanned_plane(const std::vector<Eigen::Vector3d>&
 WorkFrame frame_along_plane(const std::vector<Eigen::Vector3d>& samples,
                             const Eigen::Vector3d& normal);
 
-/// What a motion may turn a plane by [rad], and shift it by [diagonal], and still keep
-/// it: the plane of samples that a file has as floats is known no better.
+/// The largest turn [rad] and shift [diagonal] of a plane with which a motion keeps it:
+/// samples that a file stores as floats determine their plane no better.
 inline constexpr double kKept = 1e-6;
 
 /// Whether a motion takes a plane through \p place, and what lies in it up to

@@ -79,7 +79,7 @@ private:
     double bytes_ = 0.0;
 };
 
-/// Where a glTF file of \p size has its JSON: start and length [byte].
+/// Start and length of the JSON in a glTF file of \p size [byte].
 std::pair<double, double> json_of(const std::string& path, double size)
 {
     if (extension_of(path) != "glb")
@@ -115,8 +115,8 @@ double bytes_of_json(const std::string& path, double size, double room)
     return json.bytes();
 }
 
-/// What the compressed data of a glTF file of \p size take unpacked, as the file says
-/// [byte]. Its JSON has room.
+/// Size of the compressed data of a glTF file of \p size when unpacked, as the file
+/// states it [byte]. \pre its JSON fits into the memory
 double unpacked_bytes(const std::string& path, double size)
 {
     const auto [start, length] = json_of(path, size);

@@ -167,7 +167,7 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
                                                refine->tolerance, 10, refine->shortest});
 }
 
-/// Of kinks, and of points that are one.
+/// Warns of kinks and of merged points.
 void RodPart::warn_of_curve()
 {
     const SplineBasis& basis = rod.basis();

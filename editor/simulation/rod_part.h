@@ -93,10 +93,10 @@ public:
     std::vector<double> sliding(const Piece& piece) const;
     /// Places at equal shares of a piece's rest length.
     std::vector<Eigen::Vector3d> curve(const Piece& piece, int places) const;
-    /// What sections carry there, and their frames.
+    /// Forces of the sections at those places, and their frames.
     std::vector<std::pair<SectionForces, Eigen::Matrix3d>> sections(const Piece& piece,
                                                                     int places) const;
-    /// What something of the scene holds the rod with, by the key that says so.
+    /// The force and couple of a hold on the rod, with the key of the hold in the scene.
     struct HeldForce
     {
         std::string key;

@@ -68,18 +68,18 @@ struct SimulatedSheet
     std::vector<Eigen::Vector3d> sliding; ///< shares; of what has left NaN
 };
 
-/// What something acts with.
+/// A force and couple that a hold, joint or contact exerts.
 struct SimulatedForce
 {
     std::string key; ///< of the scene, "rods[0].fixed[1]"; empty: a contact
     Eigen::Vector3d at, force, couple; ///< [m], [N], about the place [N m]
-    // Of a contact; the force is on the first.
+    // Contacts only; the force acts on the first rod.
     std::string rod, other;                ///< other: empty where it is an obstacle
     double share = 0.0, other_share = 0.0; ///< of the whole rest length
 };
 
-/// What a rod carries where SimulatedRod::curve has its places: the part ahead acts on
-/// that behind.
+/// Section forces of a rod at the places of SimulatedRod::curve: the part ahead acts on
+/// the part behind.
 struct SimulatedSections
 {
     std::vector<double> tension, torque;        ///< [N], [N m]
@@ -135,11 +135,11 @@ public:
     SimulationReport report();
     /// \p places of each rod at equal shares of its rest length, both ends included.
     std::vector<SimulatedRod> rods(int places) const;
-    /// What the scene asks for beside what moves.
+    /// Whether the scene asks for these reports.
     bool reports_forces() const { return scene_.reports_forces; }
     bool reports_sections() const { return scene_.reports_sections; }
-    /// Of holds and of what keeps to something, on their rods; of joints on `a`; of
-    /// contacts. As the last solve has left them; before that nothing.
+    /// Forces of holds on their rods, of joints on `a`, and of contacts, after the last
+    /// solve. Empty before the first one.
     std::vector<SimulatedForce> forces() const;
     /// In the order of rods().
     std::vector<SimulatedSections> sections(int places) const;

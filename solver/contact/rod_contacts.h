@@ -86,7 +86,7 @@ public:
     // Of the last step's begin and the states now.
 
     ContactReport report() const;
-    /// What acts where something touches.
+    /// The force of a contact at its place.
     struct Force
     {
         std::size_t a = 0;
@@ -130,7 +130,7 @@ private:
         bool is_pressed = false; ///< second is not zero
     };
 
-    /// What a contact that rubs hands to the next step.
+    /// The friction of a contact, kept for the next step.
     struct Grip
     {
         std::size_t a = 0;

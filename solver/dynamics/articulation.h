@@ -44,8 +44,8 @@ public:
     /// Multipliers of an object's own rows, and of the joints' rows [N, N m].
     const Eigen::VectorXd& multipliers(int object) const { return lambda_[idx(object)]; }
     const Eigen::VectorXd& joint_multipliers() const { return joint_lambda_; }
-    /// What each joint acts with on its first object, about that one's place; nothing
-    /// before the first solve.
+    /// The force and couple of each joint on its first object, about that object's place;
+    /// empty before the first solve.
     std::vector<Wrench> joint_wrenches() const;
     /// Whether rows are violated, by the states.
     bool is_pulled() const;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What acts at a place of an object.
+// A force and a couple at a place of an object.
 #pragma once
 
 #include <Eigen/Core>

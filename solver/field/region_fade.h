@@ -202,8 +202,8 @@ struct MovedRegion
     /// For FieldFitter: a node of a loose part moves as the field does in the material of
     /// this cell. Empty: no loose part.
     std::vector<int> leading_cells = {};
-    /// Of a loose part: above the ranks of the loose parts that lead it, which are
-    /// corrected first.
+    /// Loose parts only: it is above the ranks of the loose parts that lead this one,
+    /// which are corrected first.
     int rank = 0;
     std::vector<FieldValue> misses = {}; ///< one a node: motion minus field
     /// Cells, ascending, in which the field is the motion, up to rounding, and no

@@ -105,7 +105,7 @@ InnerForces::InnerForces(const RodState& state) : state_(state)
             const Vector3d moment = section.bending[0] * kappa[0] * F.col(0) +
                                     section.bending[1] * kappa[1] * F.col(1);
             const double at = length_at(s);
-            // Of one place a span the slope is that between spans.
+            // With one place a span the slope is the difference between spans.
             const bool has_slope = g > 0 || (rod.bending_places().size() == 1 && !begins);
             if (has_slope)
                 piece.slope.add(0.5 * (at + last_at),
@@ -144,7 +144,7 @@ SectionForces InnerForces::in(std::size_t span, double s) const
     const BasisValues values = rod.basis().values_in(static_cast<int>(span), s);
     const CurvePoint now = state_.at(values);
     const double sigma = rod.rest().combined(values).first.norm(), l = now.first.norm();
-    // What the torque adds to the slope, across.
+    // The torque's part of the slope across the tangent.
     const Vector3d turning = (now.second - t.dot(now.second) * t) / (l * sigma);
     out.shear = t.cross(piece.slope(at) + out.torque * turning) * (sigma / l);
     return out;

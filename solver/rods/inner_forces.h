@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the sections of a rod carry. inner_forces.cpp has the derivation.
+// Forces and moments in the sections of a rod. inner_forces.cpp has the derivation.
 #pragma once
 
 #include <vector>
@@ -11,8 +11,8 @@
 namespace cellwarp
 {
 
-/// What the part ahead of a section exerts on the part behind it, ahead as the parameter
-/// grows.
+/// The action of the part ahead of a section on the part behind it; ahead is where the
+/// parameter grows.
 struct SectionForces
 {
     double tension = 0.0;                             ///< along the tangent [N]
@@ -21,7 +21,7 @@ struct SectionForces
     double torque = 0.0;                              ///< the twisting part of it [N m]
 };
 
-/// Of a state, by the energy of exact strains.
+/// The section forces of a state, by the energy of exact strains.
 class InnerForces
 {
 public:

@@ -334,8 +334,8 @@ constexpr std::array<double, 3> kLobattoPlaces = {0.0, 0.5, 1.0},
 
 } // namespace
 
-/// Of a cubic, whether both ends are knots where the curve is C1 and no more, or one is
-/// and the other an end.
+/// Whether both ends of a cubic's span are knots where the curve is C1 and no more, or
+/// one is and the other is an end of the rod.
 bool Rod::is_between_c1(std::size_t e) const
 {
     const RodSpan& of = spans_[e];

@@ -47,7 +47,8 @@ struct RodSettings
     double rest_twist = 0.0; ///< [rad/m], beside that of the rest shape
     double link = 0.0;       ///< turns put into a closed rod before it was joined
     int coupled_spans = 1;   ///< successive ones that an energy couples: 1 or 2
-    /// What direction 1 of the section at the begin is nearest to; nothing: any.
+    /// Direction 1 of the section at the begin is the part of this across the rod;
+    /// nothing: any direction.
     std::optional<Eigen::Vector3d> normal = {};
 };
 
@@ -145,8 +146,8 @@ public:
     {
         return gauss_weights(num_bending_);
     }
-    /// Where stretch is measured in a span, as shares of it, and their weights, whose sum
-    /// is 1: elasticity.cpp.
+    /// The places of a span at which stretch is measured, as shares of it, and their
+    /// weights, whose sum is 1: elasticity.cpp.
     std::span<const double> stretch_places(std::size_t span) const;
     std::span<const double> stretch_weights(std::size_t span) const;
     /// A place of a span as a share of it.

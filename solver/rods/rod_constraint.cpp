@@ -183,7 +183,7 @@ std::vector<ConstraintRow> frame_rows(const RodState& state, const HeldBasis& ba
     return rows;
 }
 
-/// Where a constraint is a time later [s].
+/// The constraint after \p time [s].
 RodConstraint moved(const RodConstraint& c, double time)
 {
     RodConstraint out = c;
@@ -435,7 +435,8 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
                                        ? sliding_values(state.rod().basis(), sliding->s)
                                        : HeldBasis(c, state.rod().basis()).at;
         const CurvePoint at = state.at(values);
-        // Of P(s(t), t): 2 s' V' + s'^2 P'', V the speed of the curve.
+        // The second derivative of P(s(t), t) has 2 s' V' + s'^2 P'', V the curve's
+        // speed.
         const double s_speed = sliding && sliding->is_free() ? sliding->speed : 0.0;
         const Vector3d whole =
             2.0 * s_speed * speed_of(values, 1) + s_speed * s_speed * at.second;

@@ -39,8 +39,8 @@ struct RodConstraint
     Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
     Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
     double distance = 0.0; ///< [m]
-    /// Of Spin: the unit tangent that direction is across, from which the shortest turn
-    /// takes it to that of the state.
+    /// Spin only: the unit tangent that direction is across. The shortest turn from it to
+    /// the tangent of the state carries direction along.
     Eigen::Vector3d tangent = Eigen::Vector3d::UnitX();
     double spin = 0.0; ///< [rad]
     /// How point [m/s], direction [rad/s] and spin [rad/s] move, of all kinds up to Spin.

@@ -135,8 +135,8 @@ public:
     /// What the \p multipliers of rows() press each slide with [N].
     std::vector<SlidePress> pressed(const RodState& state,
                                     const Eigen::VectorXd& multipliers) const;
-    /// What the \p multipliers of rows() hold the rod with at each constraint, about the
-    /// place that it is at.
+    /// The force and couple that the \p multipliers of rows() exert on the rod at each
+    /// constraint, about its place.
     std::vector<Wrench> reactions(const RodState& state,
                                   const Eigen::VectorXd& multipliers) const;
     /// Those of rows() alone.

@@ -34,7 +34,7 @@ public:
     /// by RK4.
     StepReport step(RodState& state, Eigen::VectorXd& velocity, double step);
 
-    /// Of the rows of the model, after a step to this state.
+    /// The multipliers of the model's rows after a step to this state.
     Eigen::VectorXd multipliers(const RodState& state,
                                 const Eigen::VectorXd& velocity) const;
 

@@ -179,7 +179,7 @@ ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& stat
         }
         if (slide.slips == 0.0)
             return Again::No;
-        // Of what does not rub the drive is a zero, which has a sign, too.
+        // Without friction the drive is a zero, which has a sign, too.
         const double side = std::copysign(1.0, end.drive);
         if (side * (end.s - begin.s) < 0.0 && !is_last)
         {

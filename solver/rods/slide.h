@@ -39,8 +39,9 @@ Sliding begun(const RodSlide& slide, double s);
 /// Values at a parameter; behind the ends of an open curve its end spans go on.
 BasisValues sliding_values(const SplineBasis& basis, double s);
 
-/// Where the curve is nearest to \p point in the directions of \p held (see SlidePress),
-/// of \p tries places of the range of \p slide and then by Newton's method.
+/// The parameter at which the curve is nearest to \p point in the directions of \p held
+/// (see SlidePress), of \p tries places of the range of \p slide and then by Newton's
+/// method.
 double nearest_parameter(const RodSlide& slide, const RodState& state,
                          const Eigen::Vector3d& point,
                          const Eigen::Matrix3d& held = Eigen::Matrix3d::Identity(),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What has no place of its own in a glTF, moved: read back it is what was asked for, and
-// all else is as it was.
+// Numbers without a place of their own in a glTF are moved: they are read back as they
+// were asked for, and all else is as it was.
 #include "io/gltf_rebuild.h"
 
 #include <cmath>
@@ -218,7 +218,7 @@ Json json_of(const std::string& bytes)
     return Json::parse(bytes.substr(20, size));
 }
 
-/// What attribute \p name of each part's first primitive holds, part by part.
+/// The numbers of attribute \p name of each part's first primitive, part by part.
 std::vector<std::vector<double>> attribute_of(const GeometryFile& file, const char* name)
 {
     const Json json = json_of(file.bytes);
@@ -479,7 +479,7 @@ TEST(GltfRebuild, a_moved_instance_gets_a_mesh_of_its_own)
                   json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]);
         // If all move, nothing is left that nobody shows.
         EXPECT_EQ(json_of(check_moved(name, bytes, -1).bytes)["meshes"].size(), 4u);
-        // What is moved once has its place, and is patched there.
+        // Numbers that moved once have a place of their own, and are patched there.
         const GeometryFile again = scan_geometry(name, after.bytes);
         EXPECT_EQ(json_of(patched(again, bent(again.geometry, 4.4)))["meshes"].size(),
                   3u);
@@ -681,7 +681,7 @@ TEST(GltfRebuild, draco_is_read_and_written_uncompressed)
         EXPECT_FALSE(json["meshes"][0]["primitives"][0].contains("extensions"));
         EXPECT_TRUE(after.geometry.warnings.empty());
         EXPECT_FALSE(after.gltf->is_packed);
-        // What was compressed is gone.
+        // The compressed bytes are gone.
         const std::size_t numbers =
             sheet.count * (3 + 3 + 4 + 2 + 4) * 4 + 2 * sheet.corners.size();
         EXPECT_LT(json["buffers"][0]["byteLength"].get<std::size_t>(),

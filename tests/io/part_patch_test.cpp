@@ -325,7 +325,7 @@ StreamWork work()
             {}};
 }
 
-/// What the stream gives; nothing if it refuses the text.
+/// The output of the stream; nothing if it refuses the text.
 std::optional<std::string> streamed(const Folder& folder, const std::string& name,
                                     const std::string& text, std::size_t part_bytes)
 {

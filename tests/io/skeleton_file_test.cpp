@@ -526,7 +526,7 @@ TEST(SkeletonFile, an_animation_of_another_file_moves_joints_by_their_names)
     EXPECT_TRUE(values.shifts.empty());
     ASSERT_EQ(values.warnings.size(), 1u);
     EXPECT_TRUE(contains(values.warnings[0], "nodes[3] 'tail': moves nothing"));
-    // What moves there moves here.
+    // A joint that moves in the other file moves in this one.
     add(1, "translation", {0, 100, 0, 0, 100, 0, 0, 150, 0});
     folder.write("walk.gltf", other.dump());
     ASSERT_EQ(gltf(model, placement).shifts.size(), 1u);

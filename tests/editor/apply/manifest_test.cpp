@@ -74,7 +74,7 @@ TEST(Manifest, writes_into_nothing_that_is_no_manifest)
           std::string(1, '\0')})
     {
         folder.write("cellwarp-manifest.tsv", text);
-        // What a kill has left of the first line is a manifest.
+        // The beginning of the first line, left by a kill, is a manifest.
         if (text == "#" || text == "#cellwarp-manifest")
             EXPECT_NO_THROW(Manifest{path});
         else
@@ -83,8 +83,8 @@ TEST(Manifest, writes_into_nothing_that_is_no_manifest)
             EXPECT_EQ(bytes_of(path), text);
         }
     }
-    // Of a large file only what tells that it is none is read; a sparse one takes no
-    // room.
+    // Only the beginning of a large file is read if it is no manifest; a sparse one takes
+    // no room.
     for (const auto& [beginning, size, why] :
          {std::tuple("my notes", std::uintmax_t(1) << 40, "does not begin with"),
           {"#cellwarp-manifest 1\tstatus", kMaxFileBytes + 1, "is larger than 4 GiB"}})

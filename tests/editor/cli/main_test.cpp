@@ -224,7 +224,7 @@ TEST(Main, messages_of_flags_name_no_lines)
     EXPECT_EQ(said({"--handle", "a all", "--move", "a translate 0 0 1", "--move",
                     "a translate 0 0 2"}),
               "error: --move: a: is moved twice in this frame\n");
-    // What looks like such a note in a name stays.
+    // A name that looks like such a note stays.
     EXPECT_TRUE(contains(said({"--fix", "group \"x (line 3)\""}), "'x (line 3)'"));
 }
 

@@ -178,7 +178,7 @@ TEST(Process, a_run_whose_second_output_fails_leaves_no_first_one)
     EXPECT_EQ(result.code, 4);
     EXPECT_TRUE(contains(result.err, "other.cwf: cannot write"));
     EXPECT_EQ(num_files(files.folder), before);
-    // What is told on stdout is an output, too.
+    // A report on stdout is an output, too.
     const auto into_full = [] { ::dup2(::open("/dev/full", O_WRONLY), 1); };
     for (const std::vector<std::string>& arguments :
          std::vector<std::vector<std::string>>{

@@ -324,7 +324,7 @@ TEST(Flat, a_figure_drawn_in_lines_bends_as_one_body)
 namespace
 {
 
-/// What a default has made of it, beside what it is told: 'flat', 'space' or 'neither'.
+/// The setting whose result the default equals: 'flat', 'space' or 'neither'.
 std::string as_told(const Shape& shape, const std::string& statements,
                     const SessionSettings& settings = {})
 {
@@ -372,7 +372,7 @@ TEST(Flat, what_moves_in_its_plane_is_kept_there_without_being_told)
     EXPECT_EQ(as_told(l, "fixed foot box -1 -1 -1 0.3 4 1\npin hand box 2.7 -1 -1 4 4 1\n"
                          "frame 1\nmove hand translate -0.8 1 0\n"),
               "flat");
-    // What turns about its middle or its border, by a whole turn, or back and forth.
+    // Turns about the middle or the border, whole turns, and turns back and forth.
     for (const std::string& move :
          {std::string("rotate 0 0 1 40"), std::string("rotate 0 0 -2 40 about border"),
           std::string("rotate 0 0 1 360"), std::string("rotate 0 0 1 20 about 1 1 7"),
@@ -506,7 +506,7 @@ TEST(Flat, each_stage_is_kept_in_its_plane_by_its_own_first_move)
     EXPECT_EQ(as_told(flat_l(), first + flat), "flat");
     EXPECT_FALSE(
         played(flat_l(), first + space, std::nullopt).system()->rest().is_flat());
-    // What has left it is flat no longer.
+    // A model that has left its plane is not flat in the next stage.
     EXPECT_EQ(as_told(flat_l(), kEnds + "frame 1\nmove hand translate 0 0 1\n" + flat),
               "space");
 }

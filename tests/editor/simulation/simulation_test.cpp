@@ -1018,7 +1018,7 @@ TEST(Simulation, a_knot_is_that_knot_while_it_is_pulled_tight_and_loosened)
 
 TEST(Simulation, an_impact_rubs_by_coulombs_law_at_any_step)
 {
-    // Of a fall by (1, -1) m/s all of the second is taken, and 0.3 of it of the first.
+    // A fall by (1, -1) m/s loses all of its second part, and 0.3 of that of its first.
     for (const std::string dt : {"4e-3", "1e-3", "1e-4"})
     {
         SCOPED_TRACE(dt);
@@ -1364,7 +1364,7 @@ TEST(Simulation, tells_what_a_hold_acts_with_in_statics_and_by_every_integrator)
                                    R"(midpoint", "dt": 1e-3)", R"(rk4", "dt": 1e-4)"})
     {
         SCOPED_TRACE(rule);
-        // Where it is held it is pulled: nothing moves.
+        // The load pulls at the held place: nothing moves.
         Simulation held(scene_of(
             kLine + R"(, "fixed": [{"at": 0.3}], "loads": [{"at": 0.3,
                "force": [1,-2,0.5]}])",
