@@ -119,18 +119,19 @@ void read_turn(RodReader& reader, std::array<double, 4>& turn)
         reader.object().fail("rotate", "its axis has no length");
 }
 
-void read_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
-               std::vector<RodKey>& keys)
+/// Keys whose times rise. \p read_value(reader of the key, key) reads all but the time.
+template <class Key, class ReadValue>
+void read_timed_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
+                     std::vector<Key>& keys, const ReadValue& read_value)
 {
     double last = -1.0;
     reader.each("keys",
                 [&](const Json& value, const std::string& name)
                 {
                     RodReader key(value, scene, prefix + name + ".", scene.warnings);
-                    RodKey& out = keys.emplace_back();
+                    Key& out = keys.emplace_back();
                     key.read("time", 0.0, kHuge, out.time);
-                    key.read("translate", out.translate);
-                    read_turn(key, out.rotate);
+                    read_value(key, out);
                     if (!(out.time > last))
                         key.object().fail("time", "need times that rise");
                     last = out.time;
@@ -138,22 +139,23 @@ void read_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
                 });
 }
 
+void read_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
+               std::vector<RodKey>& keys)
+{
+    read_timed_keys(reader, scene, prefix, keys,
+                    [](RodReader& key, RodKey& out)
+                    {
+                        key.read("translate", out.translate);
+                        read_turn(key, out.rotate);
+                    });
+}
+
 void read_sizes(RodReader& reader, RodScene& scene, const std::string& prefix,
                 std::vector<SizeKey>& keys)
 {
-    double last = -1.0;
-    reader.each("keys",
-                [&](const Json& value, const std::string& name)
-                {
-                    RodReader key(value, scene, prefix + name + ".", scene.warnings);
-                    SizeKey& out = keys.emplace_back();
-                    key.read("time", 0.0, kHuge, out.time);
-                    key.read("size", -kHuge, kHuge, out.size);
-                    if (!(out.time > last))
-                        key.object().fail("time", "need times that rise");
-                    last = out.time;
-                    key.object().warn_of_the_rest();
-                });
+    read_timed_keys(reader, scene, prefix, keys,
+                    [](RodReader& key, SizeKey& out)
+                    { key.read("size", -kHuge, kHuge, out.size); });
 }
 
 void read_hold(RodReader& reader, RodScene& scene, const std::string& prefix,

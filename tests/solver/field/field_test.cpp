@@ -50,6 +50,19 @@ std::vector<Pose> rigid(const Built& bar, const Motion& motion)
     return poses;
 }
 
+void expect_gradient_of_differences(const Field& field, const Eigen::Vector3d& x, int own)
+{
+    const Eigen::Matrix3d gradient = field.value(x, own).gradient;
+    for (int k = 0; k < 3; ++k)
+    {
+        const Eigen::Vector3d h = 1e-6 * Eigen::Vector3d::Unit(k);
+        const Eigen::Vector3d slope = (field.value(x + h, own).displacement -
+                                       field.value(x - h, own).displacement) /
+                                      2e-6;
+        EXPECT_LT((gradient.col(k) - slope).norm(), 1e-5);
+    }
+}
+
 Eigen::Vector3d point_in(std::mt19937& rng, double x, double y, double z)
 {
     return {random_number(rng, 0, x), random_number(rng, 0, y), random_number(rng, 0, z)};
@@ -852,16 +865,7 @@ TEST(RegionFade, gradient_matches_finite_differences)
             const Eigen::Vector3d x(random_number(rng, 0.1, 2.9),
                                     random_number(rng, 0.1, 2.9),
                                     random_number(rng, 1.05, 3.0));
-            const int own = own_cell(c.bar, x);
-            const Eigen::Matrix3d gradient = field.value(x, own).gradient;
-            for (int k = 0; k < 3; ++k)
-            {
-                const Eigen::Vector3d h = 1e-6 * Eigen::Vector3d::Unit(k);
-                const Eigen::Vector3d slope = (field.value(x + h, own).displacement -
-                                               field.value(x - h, own).displacement) /
-                                              2e-6;
-                EXPECT_LT((gradient.col(k) - slope).norm(), 1e-5);
-            }
+            expect_gradient_of_differences(field, x, own_cell(c.bar, x));
         }
     }
 }
@@ -940,16 +944,7 @@ TEST(Field, samples_of_a_loose_part_go_where_the_part_that_leads_them_takes_them
             const Eigen::Vector3d x(random_number(rng, 0.5, 3.5),
                                     random_number(rng, 0.53, 0.95),
                                     random_number(rng, 0.05, 0.95));
-            const int own = own_cell(slabs, x);
-            const Eigen::Matrix3d gradient = field.value(x, own).gradient;
-            for (int k = 0; k < 3; ++k)
-            {
-                const Eigen::Vector3d h = 1e-6 * Eigen::Vector3d::Unit(k);
-                const Eigen::Vector3d slope = (field.value(x + h, own).displacement -
-                                               field.value(x - h, own).displacement) /
-                                              2e-6;
-                EXPECT_LT((gradient.col(k) - slope).norm(), 1e-5);
-            }
+            expect_gradient_of_differences(field, x, own_cell(slabs, x));
         }
     }
     // Parts that move apart by more than a cell are not drawn out to each other.
