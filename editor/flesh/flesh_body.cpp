@@ -9,6 +9,7 @@
 
 #include "editor/flesh/drawn_flesh.h"
 #include "editor/flesh/region_weights.h"
+#include "editor/flesh/softness.h"
 #include "io/error.h"
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
@@ -126,6 +127,8 @@ void finish(FleshBody& body, Lattice lattice, std::vector<HeldPoint> points,
     guide_what_is_not_bound(model, *body.flesh, body.held_points, body.warnings);
     body.dropped = body.flesh->nodes().dropped.size() - body.held_points.num_whole_guided;
     look_for_loose_parts(body);
+    if (model.flesh().settles)
+        refuse_without_rest(body);
 }
 
 /// What obstacles may touch.

@@ -33,6 +33,8 @@ constexpr std::size_t kGrain = 1024; ///< samples
 constexpr double kTurnOfFirst = 0.2;
 /// And of this way [diagonal], in no more parts than this.
 constexpr double kWayOfFirst = 0.2, kMostPartsOfWay = 64.0;
+/// Before the last part rest need not be near [diagonal].
+constexpr double kNearRest = 1e-3, kAtRest = 1e-7;
 
 /// What a hand pulls goes this share of its way in a step: its force stays small.
 constexpr double kPullOfStep = 0.2;
@@ -181,27 +183,66 @@ std::vector<Motion> FleshSimulation::motions_now() const
     return motions_at(steps_done());
 }
 
-/// From rest to the first pose, without inertia.
+/// The aim of which \p pose is the rest, but for the turn and the shift of its only root:
+/// that moves all flesh as a rigid body, which is where \p state is then.
+SkeletonAim FleshSimulation::carried_by_root(const SkeletonAim& pose, FleshState& state)
+{
+    SkeletonAim aim = model_->skeleton->rest();
+    std::size_t root = 0, num_roots = 0;
+    for (std::size_t j = 0; j < model_->skeleton->size(); ++j)
+        if (model_->skeleton->parent(j) < 0 && num_roots++ == 0)
+            root = j;
+    // What is held at its place does not go along.
+    if (num_roots != 1 || !body_.held_points.whole.empty() ||
+        !body_.held_points.guided.empty())
+        return aim;
+    aim.turns[root] = pose.turns[root];
+    aim.shifts[root] = pose.shifts[root];
+    const Motion carries = motions_between(aim, aim, 1.0, 0.0)[root];
+    const Lattice& lattice = body_.flesh->lattice();
+    for (std::size_t n = 0; n < lattice.places.size(); ++n)
+        state.u.segment<3>(Eigen::Index(3 * n)) =
+            carries(lattice.places[n]) - lattice.places[n];
+    return aim;
+}
+
+/// From rest to the first pose, without inertia; then, where the scene says so, on to
+/// where the flesh hangs in its weight.
 void FleshSimulation::begin()
 {
-    const SkeletonAim rest = model_->skeleton->rest(), pose = aim_at(0.0, {});
-    const std::vector<Motion> first = motions_between(pose, pose, 1.0, 0.0);
+    const SkeletonAim pose = aim_at(0.0, {}),
+                      from = carried_by_root(pose, snapshot_.state);
+    const std::vector<Motion> before = motions_between(from, from, 0.0, 0.0),
+                              first = motions_between(pose, pose, 1.0, 0.0);
     std::vector<FleshObstacle> obstacles = obstacles_at(0.0);
     for (FleshObstacle& obstacle : obstacles)
         obstacle.velocity.setZero(); // there is no time yet
     double turn = 0.0, way = 0.0;
     for (std::size_t j = 0; j < model_->skeleton->size(); ++j)
     {
-        turn = std::max(turn, rotation_vector(first[j].R).norm());
+        turn =
+            std::max(turn, rotation_vector(first[j].R * before[j].R.transpose()).norm());
         const Vector3d at = model_->metre * model_->skeleton->place(j);
-        way = std::max(way, (first[j](at) - at).norm());
+        way = std::max(way, (first[j](at) - before[j](at)).norm());
     }
     for (const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
          const PulledPoint& point : pulled)
         way = std::max(way, (point.goal - point.point.place).norm());
     for (const ShiftKeys& keys : body_.held_points.holds)
         way = std::max(way, keys.at(0.0).norm());
-    FleshReport report;
+    bool is_at_rest = true;
+    const auto settle =
+        [&](const SkeletonAim& begin, double share, Weighs weighs, double at_rest)
+    {
+        const std::vector<PulledPoint> pulled = pulled_at(0.0, share);
+        const FleshReport report =
+            body_.flesh->settle(snapshot_.state, motions_between(begin, pose, share, 0.0),
+                                weighs, {obstacles, pulled}, at_rest);
+        since_.systems += report.systems;
+        since_.cg_steps += report.cg_steps;
+        since_.factors += report.factors;
+        return report.is_converged;
+    };
     if (turn > 0.0 || way > 0.0)
     {
         // The way of the joints, not that of each bone alone: they stay together.
@@ -210,47 +251,34 @@ void FleshSimulation::begin()
             std::max(1, static_cast<int>(std::ceil(std::min(
                             kMostPartsOfWay,
                             std::max(turn / kTurnOfFirst, way / (kWayOfFirst * size))))));
-        bool has_converged = true;
-        for (int part = 1; part <= parts; ++part)
-        {
-            const double share = static_cast<double>(part) / parts;
-            const std::vector<PulledPoint> pulled = pulled_at(0.0, share);
-            report = body_.flesh->settle(snapshot_.state,
-                                         motions_between(rest, pose, share, 0.0),
-                                         Weighs::No, {obstacles, pulled});
-            has_converged = has_converged && report.is_converged;
-        }
-        report.is_converged = has_converged;
+        for (int part = 1; part < parts; ++part)
+            settle(from, static_cast<double>(part) / parts, Weighs::No, kNearRest);
+        is_at_rest = settle(from, 1.0, Weighs::No, kAtRest);
     }
-    if (settles_)
+    bool hangs = settles_;
+    const auto settle_here = [&]
     {
-        const bool has_converged = report.is_converged;
-        report = settle_at_first();
-        report.is_converged = report.is_converged && has_converged;
-    }
+        const FleshState before_it = snapshot_.state;
+        const bool has_rest =
+            settle(pose, 1.0, hangs ? Weighs::Yes : Weighs::No, kAtRest);
+        is_at_rest = is_at_rest && has_rest;
+        if (hangs && !has_rest)
+        {
+            snapshot_.state = before_it;
+            hangs = false;
+        }
+    };
+    if (settles_)
+        settle_here();
     // What bends there gets its detail, and comes to rest with it.
     for (int look = 0; has_detail() && look < 2 * model_->cells.max_depth + 2; ++look)
     {
         if (!look_for_detail())
             break;
-        const bool has_converged = report.is_converged;
-        report = settle_at_first();
-        report.is_converged = report.is_converged && has_converged;
+        settle_here();
     }
-    if (!report.is_converged)
+    if (!is_at_rest)
         stopped("no rest before frame 0");
-}
-
-/// In the pose of the keys there, of what the scene says with its weight.
-FleshReport FleshSimulation::settle_at_first()
-{
-    const SkeletonAim pose = aim_at(0.0, {});
-    std::vector<FleshObstacle> obstacles = obstacles_at(0.0);
-    for (FleshObstacle& obstacle : obstacles)
-        obstacle.velocity.setZero(); // there is no time yet
-    const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
-    return body_.flesh->settle(snapshot_.state, motions_between(pose, pose, 1.0, 0.0),
-                               settles_ ? Weighs::Yes : Weighs::No, {obstacles, pulled});
 }
 
 void FleshSimulation::step()

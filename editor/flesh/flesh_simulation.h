@@ -133,8 +133,8 @@ private:
     std::vector<FleshObstacle> obstacles_at(double time) const;
     std::vector<PulledPoint> pulled_at(double time, double share) const;
     std::vector<Motion> motions_now() const;
+    SkeletonAim carried_by_root(const SkeletonAim& pose, FleshState& state);
     void begin();
-    FleshReport settle_at_first();
     bool has_detail() const { return snapshot_.detail.octree != nullptr; }
     bool look_for_detail();
     std::vector<char> wanted_cells() const;

@@ -38,11 +38,6 @@ constexpr double kNewtonTolerance = 1e-6;
 /// What is nearer to an obstacle touches it, relative to the size.
 constexpr double kTouching = 1e-6;
 
-/// Of settle(): a round ends at rest where nothing moves farther, relative to the size;
-/// and how much longer than sound takes through the shape its steps are.
-constexpr double kAtRest = 1e-7, kLongStep = 300.0;
-constexpr int kMostRounds = 200;
-
 } // namespace
 
 namespace
@@ -245,35 +240,6 @@ FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> mo
         return report;
     state.v = p.velocity;
     state.u += dt * state.v;
-    return report;
-}
-
-FleshReport Flesh::settle(FleshState& state, std::span<const Motion> motions,
-                          Weighs weighs, const FleshSurroundings& around)
-{
-    Parts& p = *parts_;
-    VectorXd weight = p.weight;
-    if (weighs == Weighs::No)
-        p.weight.setZero();
-    double slowest = INFINITY; // sound [m/s]
-    for (const FleshMaterial& material : p.materials)
-        slowest = std::min(slowest, std::sqrt(material.young / material.density));
-    const double dt = kLongStep * p.size / slowest;
-    FleshReport report;
-    report.is_converged = false;
-    for (int round = 0; round < kMostRounds && !report.is_converged; ++round)
-    {
-        const FleshReport step = this->step(state, dt, motions, around);
-        report.cg_steps += step.cg_steps;
-        report.residual = step.residual;
-        report.is_finite = step.is_finite;
-        if (!step.is_finite)
-            break;
-        report.is_converged =
-            step.is_converged && dt * state.v.cwiseAbs().maxCoeff() <= kAtRest * p.size;
-        state.v.setZero();
-    }
-    p.weight = std::move(weight);
     return report;
 }
 

@@ -95,9 +95,12 @@ public:
     /// Goes on by \p dt [s], to where the bones have moved by \p motions (from rest).
     FleshReport step(FleshState& state, double dt, std::span<const Motion> motions,
                      const FleshSurroundings& around = {});
-    /// To where all is at rest while the bones stand. Not converged: the way was long.
+    /// To where all is at rest while the bones stand: the last round moves nothing
+    /// farther than \p at_rest [size]. Not converged: rest was not found; the state is on
+    /// the way there.
     FleshReport settle(FleshState& state, std::span<const Motion> motions,
-                       Weighs weighs = Weighs::Yes, const FleshSurroundings& around = {});
+                       Weighs weighs = Weighs::Yes, const FleshSurroundings& around = {},
+                       double at_rest = 1e-7);
 
     struct Energies
     {
@@ -125,6 +128,7 @@ public:
 
 private:
     friend class FleshStep;
+    class Settling; ///< flesh_settle.cpp
     struct Parts;
     std::unique_ptr<Parts> parts_;
 };

@@ -240,6 +240,60 @@ TEST(FleshSimulation, settles_in_its_weight_where_the_scene_says_so)
     EXPECT_NEAR(sag(*hangs) / settled, 1.0, 1e-2);
 }
 
+TEST(FleshSimulation,
+     flesh_too_soft_for_a_rest_is_refused_with_the_stiffness_that_would_do)
+{
+    Bar bar;
+    bar.keys = "";
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    // Middles of cells are 0.25 m in each direction from points of the axis: density g
+    // reach / E is 4.2, and 1 at 4,248 Pa.
+    bar.skeleton = R"("E": 1e3, "across": 8, "settle": true)";
+    const std::string said = bar.refusal();
+    EXPECT_TRUE(contains(said, "skeleton.E: flesh that reaches 0.433 m")) << said;
+    EXPECT_TRUE(contains(said, "E 4300 would do")) << said;
+    bar.skeleton = R"("E": 4300, "across": 8, "settle": true)";
+    EXPECT_TRUE(bar.start()->report().is_converged);
+    bar.skeleton = R"("E": 1e3, "across": 8)";
+    EXPECT_EQ(bar.refusal(), "");
+    bar.skeleton = R"("E": 1e5, "across": 8, "settle": true,
+                      "materials": [{"region": "box -1 -1 2  1 1 9", "E": 100}])";
+    EXPECT_TRUE(contains(bar.refusal(), "skeleton.materials[0].E: flesh"));
+}
+
+TEST(FleshSimulation, where_rest_in_its_weight_is_not_found_flesh_has_none)
+{
+    Bar bar;
+    bar.keys = "";
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    // Points that touch are others in each round.
+    bar.skeleton = R"("E": 6.2e3, "across": 8, "settle": true, "law": "stvk",
+                      "contact": [{"plane": [0, 1, 0, -0.55], "friction": 0.5}])";
+    const auto simulation = bar.start();
+    for (Eigen::Index n = 0; n < simulation->snapshot().state.u.size(); ++n)
+        ASSERT_EQ(simulation->snapshot().state.u[n], 0.0);
+    EXPECT_EQ(simulation->report().stop, "no rest before frame 0");
+}
+
+TEST(FleshSimulation, a_root_far_away_carries_all_there_at_once)
+{
+    Bar bar, far;
+    far.keys = R"({"time": 0, "joint": "root", "translate": [1e6, 2e5, 0],
+                   "rotate": [0, 0, 1, 50]},
+                  {"time": 0, "joint": "knee", "rotate": [1, 0, 0, 30]})";
+    bar.keys = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 30]})";
+    const auto near = bar.start(true), there = far.start(true);
+    const FleshFrame one = near->report(), other = there->report();
+    EXPECT_TRUE(other.is_converged);
+    EXPECT_LE(other.systems, one.systems + 2);
+    EXPECT_NEAR(other.elastic / one.elastic, 1.0, 1e-6);
+    const Eigen::AngleAxisd turn(50.0 * M_PI / 180.0, Vector3d::UnitZ());
+    const DeformedSamples a = near->deformed_live(), b = there->deformed_live();
+    for (std::size_t i = 0; i < a.samples.size(); ++i)
+        ASSERT_LT((turn * a.samples[i] + Vector3d(1e6, 2e5, 0) - b.samples[i]).norm(),
+                  1e-6);
+}
+
 TEST(FleshSimulation, a_frame_from_a_snapshot_is_the_baked_one_to_the_bit)
 {
     const Bar bar;

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/flesh/softness.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "io/error.h"
+#include "io/number.h"
+#include "octree/base/index.h"
+#include "octree/base/point_tree.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// Where bones and held points have the material, at rest.
+std::vector<Vector3d> places_held(const FleshBody& body)
+{
+    std::vector<Vector3d> places;
+    const std::vector<HeldPoint>& points = body.flesh->points();
+    for (std::size_t k = body.leaving.nodes.size(); k < points.size(); ++k)
+        places.push_back(points[k].place);
+    for (const HeldPoints::Guided& guided : body.held_points.guided)
+        places.push_back(guided.point.point.place);
+    return places;
+}
+
+double rounded_up(double value)
+{
+    const double digit = std::pow(10.0, std::floor(std::log10(value)) - 1.0);
+    return std::ceil(value / digit * (1.0 - 1e-12)) * digit;
+}
+
+} // namespace
+
+Softness softness_of(const FleshBody& body)
+{
+    Softness out;
+    const FleshModel& model = *body.model;
+    const double gravity = model.settings.gravity.norm();
+    const std::vector<Vector3d> places = places_held(body);
+    if (places.empty() || gravity == 0.0)
+        return out;
+    const PointTree tree(places);
+    int softest = 0;
+    for (const LatticePart& part : body.flesh->lattice().parts)
+    {
+        const FleshMaterial& material = model.materials[idx(part.material)];
+        const double reach = std::sqrt(tree.nearest(part.centre).distance_squared);
+        const double weight = material.density * gravity * reach / material.young;
+        if (weight <= out.weight)
+            continue;
+        out.weight = weight;
+        out.reach = reach;
+        softest = part.material;
+    }
+    if (out.weight == 0.0)
+        return out;
+    out.young = rounded_up(out.weight * model.materials[idx(softest)].young);
+    out.field = softest == 0 ? "skeleton.E"
+                             : model.flesh().materials[idx(softest - 1)].field + ".E";
+    return out;
+}
+
+void refuse_without_rest(const FleshBody& body)
+{
+    const Softness softness = softness_of(body);
+    if (softness.weight > kSoftest)
+        throw malformed({body.model->scene.path, 0, softness.field},
+                        fmt::format("flesh that reaches {:.3g} m beyond what holds it "
+                                    "has no rest in its weight at this stiffness: E {} "
+                                    "would do, or no settle",
+                                    softness.reach, shortest(softness.young)));
+}
+
+} // namespace cellwarp
