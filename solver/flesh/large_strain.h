@@ -18,18 +18,21 @@ enum class StrainLaw
     /// Green's strain in the linear law: the source's. Turns inside out where it is
     /// pressed to less than 0.577 of its length.
     StVenantKirchhoff,
-    /// [Smith18], in the form without logarithm: of the mean volume of a part.
+    /// [Smith18], in the form without logarithm.
     NeoHookean
 };
 
 /// Displacements, and forces, of a part's corners, one after the other.
 using PartVector = Eigen::Matrix<double, 24, 1>;
 
+/// With the modes of the points, such that they cost least: cells bend without shear.
+/// Points whose modes are zero have none.
 struct StrainEnergy
 {
     double energy = 0.0; ///< [J]
     PartVector gradient = PartVector::Zero();
-    double least_volume = 1.0; ///< det F, of the point where it is least
+    /// det F without the modes, of the point where it is least
+    double least_volume = 1.0;
 };
 
 StrainEnergy strain_energy(const PartPoints& points, const FleshMaterial& material,

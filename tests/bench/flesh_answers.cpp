@@ -2,6 +2,7 @@
 // Prints the tables of docs/flesh-answers.md: flesh against the numbers of its theory.
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 #include <Eigen/Eigenvalues>
@@ -260,10 +261,11 @@ Flesh flesh_of(const Built& body, double unit, const std::vector<BoneLine>& line
                  settings);
 }
 
-/// 8 x 2 x 2 in cubes of 0.5, two bones that meet in its middle.
-Flesh joint(const FleshSettings& settings, const FleshMaterial& material)
+/// 8 x 2 x 2 in cubes of 0.5 or a whole share of it, two bones that meet in its middle.
+Flesh joint(const FleshSettings& settings, const FleshMaterial& material, int share = 1)
 {
-    Lattice lattice = octree_lattice(bar(16, 4, 4).octree, bar(16, 4, 4).cells, 0.5);
+    const Built body = bar(16 * share, 4 * share, 4 * share);
+    Lattice lattice = octree_lattice(body.octree, body.cells, 0.5 / share);
     const std::vector<FleshMaterial> materials = {material};
     const std::vector<TubeBone> bones = {{{{0, 1, 1}, {4, 1, 1}, 0}, 0.5},
                                          {{{4, 1, 1}, {8, 1, 1}, 1}, 0.5}};
@@ -306,14 +308,44 @@ FleshState turned_in_time(Flesh& flesh, double dt)
     return state;
 }
 
+/// The cantilever under a small load, which all laws are to bear alike.
+void cantilever_by_law()
+{
+    title("The cantilever under 1e-7 of that load, by law",
+          "cells thick, Poisson | with modes, 40 long | linear | cells | stvk | "
+          "neo-hookean");
+    constexpr std::array<double, 4> kKnown = {4022.177, 3992.435, 3937.183, 3875.03};
+    for (const int across : {1, 2})
+        for (std::size_t k = 0; k < kPoisson.size(); ++k)
+        {
+            fmt::print("| {}, {} | {:.0f} |", across, kPoisson[k], kKnown[k]);
+            for (const FleshLaw law : {FleshLaw::Linear, FleshLaw::Cells,
+                                       FleshLaw::StVenantKirchhoff, FleshLaw::NeoHookean})
+            {
+                FleshSettings settings;
+                settings.law = law;
+                settings.tolerance = 1e-10;
+                const Lattice lattice = bar_lattice(across);
+                const VectorXd load = load_on_end(lattice, 10.0, {0, 0, 1});
+                Flesh flesh(lattice, {{1.0, kPoisson[k], 1.0}},
+                            held_nodes(lattice, is_held), {}, settings);
+                flesh.load(1e-7 * load);
+                FleshState state = flesh.rest();
+                flesh.settle(state, std::vector<Motion>(1));
+                fmt::print(" {:.0f} |", 1e7 * load.dot(state.u));
+            }
+            fmt::print("\n");
+        }
+}
+
 void laws_in_time()
 {
     fmt::print(
         "\n## A joint turns by 90° in half a second: where the flesh is half a "
-        "second later\n\nDistances of the nodes from those of Green's strain in "
-        "full, Newton's method to the end of each step of 1/480 s; of the bar's "
-        "length. E = 3e6 Pa, 1 m a unit.\n\n| law, step | largest | RMS |\n| --- | "
-        "---: | ---: |\n");
+        "second later\n\nDistances of the nodes from those of `neo-hookean` in cells "
+        "half as large, three rounds of Newton's method in each step of 1/240 s; of "
+        "the bar's length. E = 3e6 Pa, 1 m a unit, cells of 0.5 m in a bar of 8 x 2 x "
+        "2.\n\n| law, step | largest | RMS |\n| --- | ---: | ---: |\n");
     const auto settings = [](FleshLaw law, int newton)
     {
         FleshSettings out;
@@ -325,8 +357,14 @@ void laws_in_time()
         return out;
     };
     const FleshMaterial material = {3e6, 0.4, 1000.0};
-    Flesh full = joint(settings(FleshLaw::StVenantKirchhoff, 5), material);
-    const FleshState known = turned_in_time(full, 1.0 / 480.0);
+    Flesh fine = joint(settings(FleshLaw::NeoHookean, 3), material, 2);
+    const FleshState known = turned_in_time(fine, 1.0 / 240.0);
+    std::map<std::array<double, 3>, std::size_t> fine_nodes;
+    for (std::size_t n = 0; n < fine.lattice().places.size(); ++n)
+    {
+        const Vector3d& x = fine.lattice().places[n];
+        fine_nodes[{x.x(), x.y(), x.z()}] = n;
+    }
     struct Way
     {
         const char* name;
@@ -334,8 +372,8 @@ void laws_in_time()
         int newton;
     };
     for (const auto& [name, law, newton] :
-         {Way{"stvk, linearised at each step", FleshLaw::StVenantKirchhoff, 1},
-          Way{"cells", FleshLaw::Cells, 1}, Way{"neo-hookean", FleshLaw::NeoHookean, 1},
+         {Way{"neo-hookean", FleshLaw::NeoHookean, 1},
+          Way{"stvk", FleshLaw::StVenantKirchhoff, 1}, Way{"cells", FleshLaw::Cells, 1},
           Way{"regions", FleshLaw::Regions, 1}, Way{"linear", FleshLaw::Linear, 1}})
         for (const int rate : {120, 480})
         {
@@ -345,8 +383,12 @@ void laws_in_time()
             const std::size_t nodes = flesh.lattice().places.size();
             for (std::size_t n = 0; n < nodes; ++n)
             {
-                const double away =
-                    (state.u - known.u).segment<3>(Eigen::Index(3 * n)).norm() / 8.0;
+                const Vector3d& x = flesh.lattice().places[n];
+                const std::size_t same = fine_nodes.at({x.x(), x.y(), x.z()});
+                const double away = (state.u.segment<3>(Eigen::Index(3 * n)) -
+                                     known.u.segment<3>(Eigen::Index(3 * same)))
+                                        .norm() /
+                                    8.0;
                 largest = std::max(largest, away);
                 sum += away * away;
             }
@@ -364,8 +406,6 @@ void joints()
         const char* name;
         double known[4];
     };
-    // The neo-Hookean row of the theory takes the volume of each point, ours that of a
-    // part.
     for (const auto& [law, name, known] :
          {Law{FleshLaw::Linear, "linear", {1.097, 1.292, 1.336, 1.024}},
           Law{FleshLaw::Regions, "regions", {1.018, 1.047, 1.025, 0.912}},
@@ -641,6 +681,7 @@ int main()
                "flesh_answers`. Known numbers are those of prototypes, of Ritz "
                "approximations and of [MacNealHarder85]; differences are relative.\n");
     cantilever();
+    cantilever_by_law();
     cantilever_of_tetrahedra();
     thin_beam();
     free_cube();
