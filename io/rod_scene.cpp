@@ -872,6 +872,9 @@ RodScene rod_scene_of(const std::string& path, const std::string& text)
     root.each("obstacles", [&](const Json& value, const std::string& key)
               { read_obstacle(value, key + ".", scene); });
     read_contact(root, scene);
+    if (scene.integrator == "bdf2")
+        root.object().fail("simulate.integrator",
+                           "bdf2 is for flesh without rods, bodies and nets");
     if (scene.integrator == "static")
         for (std::size_t k = 0; k < scene.rods.size(); ++k)
             if (!scene.rods[k].cuts.empty())

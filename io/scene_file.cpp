@@ -124,6 +124,8 @@ SceneFile scene_of(const std::string& path, const std::string& text)
     if (scene.skeleton && json.contains("simulate"))
     {
         scene.time.emplace().dt = kStepOfFlesh;
+        if (!scene.has_rods)
+            scene.time->integrator = "bdf2";
         read_time_settings(root, path, *scene.time, scene.warnings);
     }
     root.warn_of_the_rest();

@@ -66,7 +66,8 @@ void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings
     std::optional<double> every;
     simulate.read("every", Between<double>{1e-12, 1e9}, every);
     std::optional<std::string> integrator;
-    simulate.read("integrator", OneOf{{"implicit-euler", "midpoint", "rk4", "static"}},
+    simulate.read("integrator",
+                  OneOf{{"implicit-euler", "bdf2", "midpoint", "rk4", "static"}},
                   integrator);
     out.integrator = integrator.value_or(out.integrator);
     if (const Json* gravity = simulate.find("gravity"))

@@ -37,8 +37,8 @@ struct FleshDetail
     std::vector<Family> idle, leaving; ///< in the order of the octree
     std::vector<Fading> fading;        ///< of the own motions of the body
     /// Of joints and of what is held, at the begin of the last step and at its end: how
-    /// fast they are.
-    std::vector<Motion> before, now;
+    /// fast they are; and a step earlier, where that one was of BDF2.
+    std::vector<Motion> before, now, earlier;
 
     bool has_lattice_of(const FleshDetail& other) const
     {

@@ -35,10 +35,10 @@ void refuse_what_cannot_be(const SceneFile& scene)
         refuse("detail", "is of an octree's lattice alone");
     if (flesh.law == "regions" && flesh.newton > 1)
         refuse("newton", "is for other laws: regions are solved once a step");
-    if (scene.time->integrator != "implicit-euler")
+    if (scene.time->integrator != "implicit-euler" && scene.time->integrator != "bdf2")
         throw malformed({scene.path, 0, "simulate.integrator"},
                         "got " + in_quotes(scene.time->integrator) +
-                            ", flesh has implicit-euler alone");
+                            ", flesh has implicit-euler and bdf2");
     if (flesh.lattice.empty())
         return;
     if (!flesh.materials.empty())

@@ -94,6 +94,8 @@ public:
         std::vector<Move> by_hand;
         std::optional<FleshPull> pull = {};
         FleshDetail detail; ///< of a lattice without detail empty
+        /// A step earlier, of BDF2; none: the next step is of implicit Euler.
+        std::optional<FleshState> before = {};
     };
     const Snapshot& snapshot() const { return snapshot_; }
     void go_to(Snapshot snapshot);
@@ -148,7 +150,7 @@ private:
 
     std::shared_ptr<const Geometry> geometry_;
     const TimeSettings time_;
-    const bool settles_;
+    const bool settles_, is_of_second_order_;
     SkeletonValues skeleton_;
     std::shared_ptr<const FleshModel> model_;
     FleshBody body_; ///< of snapshot_.detail

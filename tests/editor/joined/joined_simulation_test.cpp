@@ -249,6 +249,8 @@ TEST(JoinedSimulation, what_joints_cannot_hold_is_refused_by_its_key)
     Scene still;
     still.time = R"("integrator": "static")";
     EXPECT_TRUE(contains(still.refusal(), "simulate.integrator"));
+    still.time = R"("integrator": "bdf2")";
+    EXPECT_TRUE(contains(still.refusal(), "simulate.integrator: bdf2 is for flesh"));
     Scene carries;
     carries.rods = R"("rods": [{"name": "r", "through": [[0, 0, 0], [1, 0, 0]],
                        "carries": true}])";
