@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -35,11 +36,11 @@ Json size_of(const FleshBody& body)
 } // namespace
 
 Json told_of_flesh(std::int64_t number, const FleshFrame& frame,
-                   const FleshSimulation& simulation)
+                   const FleshSimulation& simulation,
+                   const std::vector<Eigen::Vector3d>& samples)
 {
     const FleshBody& body = simulation.body();
-    const std::optional<Volume> volume =
-        enclosed_volumes(simulation.geometry(), simulation.deformed_live().samples);
+    const std::optional<Volume> volume = enclosed_volumes(simulation.geometry(), samples);
     Json json = {
         {"frame", number},
         {"time", frame.time},
@@ -117,7 +118,6 @@ PartCounts parts_of_flesh(const FleshSimulation& simulation)
     const FleshBody& body = simulation.body();
     parts.interior =
         body.octree && body.octree->rest->material.method != InsideMethod::None;
-    parts.rbf = body.octree != nullptr;
     parts.faces = simulation.geometry().num_faces() > 0;
     parts.normals = !simulation.geometry().directions.empty();
     return parts;
@@ -169,6 +169,7 @@ public:
     void next_frame(const std::function<void()>& watch, bool wants_samples) override
     {
         simulation_.next_frame(watch);
+        is_drawn_ = wants_samples;
         if (wants_samples)
             deformed_ = simulation_.deformed();
     }
@@ -182,7 +183,9 @@ public:
             told.problems.push_back("the flesh: " + frame.stop);
         if (!wants_json)
             return told;
-        told.json = told_of_flesh(number, frame, simulation_);
+        if (!std::exchange(is_drawn_, true))
+            deformed_ = simulation_.deformed();
+        told.json = told_of_flesh(number, frame, simulation_, deformed_.samples);
         return told;
     }
     void add_to(Json& json) const override
@@ -209,6 +212,7 @@ private:
     FleshRequest request_;
     FleshSimulation simulation_;
     DeformedSamples deformed_;
+    bool is_drawn_ = true; ///< deformed_ is of now
     SeenFlesh seen_;
 };
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
+#include <utility>
 
 #include "editor/cli/in_time.h"
 #include "editor/cli/session_json.h"
@@ -55,6 +56,7 @@ public:
     void next_frame(const std::function<void()>& watch, bool wants_samples) override
     {
         simulation_.next_frame(watch);
+        is_drawn_ = wants_samples;
         if (wants_samples)
             deformed_ = simulation_.flesh().deformed();
     }
@@ -72,7 +74,10 @@ public:
         if (!wants_json)
             return told;
         // Of the whole: sums; the flesh's own energies stand in "skeleton".
-        const Json flesh = told_of_flesh(number, frame, simulation_.flesh());
+        if (!std::exchange(is_drawn_, true))
+            deformed_ = simulation_.flesh().deformed();
+        const Json flesh =
+            told_of_flesh(number, frame, simulation_.flesh(), deformed_.samples);
         told.json = told_of_rods(number, report, simulation_.rods());
         for (const char* key : {"kinetic", "elastic", "gravity"})
             told.json["energy"][key] =
@@ -117,6 +122,7 @@ private:
     FleshRequest request_;
     JoinedSimulation simulation_;
     DeformedSamples deformed_;
+    bool is_drawn_ = true; ///< deformed_ is of now
     SeenFlesh seen_;
 };
 

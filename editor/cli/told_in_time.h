@@ -52,8 +52,10 @@ struct SeenFlesh
                       std::vector<std::string>& out) const;
 };
 
+/// \p samples: where they are now.
 Json told_of_flesh(std::int64_t number, const FleshFrame& frame,
-                   const FleshSimulation& simulation);
+                   const FleshSimulation& simulation,
+                   const std::vector<Eigen::Vector3d>& samples);
 /// What a picture shows of it.
 FilmFrame seen_of_flesh(const FleshSimulation& simulation,
                         const std::vector<Eigen::Vector3d>& samples);

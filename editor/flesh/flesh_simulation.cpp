@@ -15,9 +15,7 @@
 
 #include <Eigen/Geometry>
 
-#include "editor/session/apply_field.h"
 #include "editor/session/drawn_shapes.h"
-#include "editor/session/scene_settings.h"
 #include "io/error.h"
 #include "io/skeleton_scene.h"
 #include "octree/base/clock.h"
@@ -58,8 +56,7 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
                            scene.skeleton->flesh.contact.empty())),
       skeleton_(skeleton_of(*scene.skeleton, scene.path)),
       model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
-      body_(build_flesh(model_)), warnings_(skeleton_.warnings),
-      field_(settings_of(scene).field)
+      body_(build_flesh(model_)), warnings_(skeleton_.warnings)
 {
     warnings_.insert(warnings_.end(), model_->warnings.begin(), model_->warnings.end());
     warnings_.insert(warnings_.end(), body_.warnings.begin(), body_.warnings.end());
@@ -423,7 +420,7 @@ bool FleshSimulation::look_for_detail()
         snapshot_.before = carried_to(body, body_, *snapshot_.before).state;
     snapshot_.detail = std::move(next);
     body_ = std::move(body);
-    take_lattice();
+    smooth_.reset();
     since_.detail_ms += ms_since(start);
     return true;
 }
@@ -478,14 +475,6 @@ std::vector<Fading> FleshSimulation::fading_in(const FleshBody& body,
     return out;
 }
 
-/// What was made for another lattice is made again.
-void FleshSimulation::take_lattice()
-{
-    fitter_.reset();
-    bones_.reset();
-    motion_of_node_.clear();
-}
-
 void FleshSimulation::go_to(Snapshot snapshot)
 {
     const bool has_same_lattice = snapshot_.detail.has_lattice_of(snapshot.detail);
@@ -493,7 +482,7 @@ void FleshSimulation::go_to(Snapshot snapshot)
     if (has_same_lattice)
         return;
     body_ = build_flesh(model_, *snapshot_.detail.octree, *snapshot_.detail.coarser);
-    take_lattice();
+    smooth_.reset();
 }
 
 /// Remembers why, the first time since the last report.
@@ -647,14 +636,19 @@ DeformedSamples FleshSimulation::rest_samples() const
     return out;
 }
 
+Carried FleshSimulation::carried_of(DeformedSamples& samples) const
+{
+    return {samples.samples,
+            {use_samples_, samples.directions},
+            {geometry_->tangent_samples, samples.tangents},
+            {geometry_->rotation_samples, samples.rotations}};
+}
+
 DeformedSamples FleshSimulation::deformed_live() const
 {
     const Lattice& lattice = body_.flesh->lattice();
     DeformedSamples out = rest_samples();
-    const Carried carried{out.samples,
-                          {use_samples_, out.directions},
-                          {geometry_->tangent_samples, out.tangents},
-                          {geometry_->rotation_samples, out.rotations}};
+    const Carried carried = carried_of(out);
     // What turns does so by F, averaged at the nodes.
     std::vector<Matrix3d> slopes;
     if (carried.has_directions())
@@ -698,79 +692,14 @@ DeformedSamples FleshSimulation::deformed()
 {
     if (!body_.octree)
         return deformed_live();
-    const Cells& cells = body_.octree->cells;
-    const Lattice& lattice = body_.flesh->lattice();
-    if (!fitter_)
-    {
-        constraints_.assign(cells.size(), {});
-        fitter_ =
-            std::make_unique<FieldFitter>(field_, cells, constraints_, systems_.get());
-        fade_bones();
-    }
-    std::vector<MovedRegion> regions;
-    if (bones_)
-    {
-        // Where a bone holds a point, the field is what the bone does.
-        const std::vector<Motion> motions = motions_now();
-        MovedRegion& region = regions.emplace_back();
-        region.fade = bones_.get();
-        region.bends = true;
-        for (const int motion : motion_of_node_)
-            region.node_motions.push_back(
-                {motions[idx(motion)].R, motions[idx(motion)].t / model_->metre});
-    }
-    // Cells are no rigid bodies here: each moves by its mean deformation.
-    const std::vector<Matrix3d> F = body_.flesh->deformations(snapshot_.state);
-    std::vector<Pose> poses(cells.size());
-    for (std::size_t c = 0; c < cells.size(); ++c)
-    {
-        const Vector3d& centre = cells.cells[c].centre;
-        const std::array<double, 8> shares = corner_shares(
-            *local_place(lattice, static_cast<int>(c), model_->metre * centre));
-        poses[c] = {F[c], centre};
-        for (std::size_t k = 0; k < 8; ++k)
-            poses[c].p += shares[k] / model_->metre *
-                          snapshot_.state.u.segment<3>(3 * lattice.cells[c][k]);
-    }
-    const Field field = fitter_->fit(poses, std::move(regions));
+    if (!smooth_)
+        smooth_ = std::make_unique<SmoothSamples>(body_);
     DeformedSamples out = rest_samples();
-    apply_field(field, model_->frame, body_.octree->rest->samples, body_.cell_of_sample,
-                {out.samples,
-                 {use_samples_, out.directions},
-                 {geometry_->tangent_samples, out.tangents},
-                 {geometry_->rotation_samples, out.rotations}});
+    const Carried carried = carried_of(out);
+    carry(model_->frame,
+          smooth_->values(snapshot_.state.u, motions_now(), carried.has_directions()),
+          carried);
     return out;
-}
-
-/// The points that bones hold, as places whose motion is known.
-void FleshSimulation::fade_bones()
-{
-    std::vector<RegionFade::Node> nodes;
-    const Material& material = body_.octree->rest->material;
-    const std::vector<HeldPoint>& points = body_.flesh->points();
-    const std::vector<int>& dropped = body_.flesh->nodes().dropped;
-    for (std::size_t k = 0; k < points.size(); ++k)
-    {
-        if (k < body_.leaving.nodes.size())
-            continue; // no place that a bone has
-        const Vector3d x = points[k].place / model_->metre;
-        const int cell = piece_at(material.grid, body_.octree->pieces, x);
-        if (cell >= 0 &&
-            !std::binary_search(dropped.begin(), dropped.end(), static_cast<int>(k)))
-            nodes.push_back({x, cell});
-    }
-    if (nodes.empty())
-        return;
-    bones_ = std::make_unique<RegionFade>(body_.octree->cells, nodes,
-                                          std::span<const RegionFade::Node>());
-    for (const Vector3d& node : bones_->nodes())
-    {
-        const auto same = std::find_if(
-            points.begin() + static_cast<std::ptrdiff_t>(body_.leaving.nodes.size()),
-            points.end(),
-            [&](const HeldPoint& point) { return point.place / model_->metre == node; });
-        motion_of_node_.push_back(same->motion);
-    }
 }
 
 std::vector<Vector3d> FleshSimulation::nodes() const

@@ -16,10 +16,11 @@
 
 #include "editor/flesh/flesh_body.h"
 #include "editor/flesh/flesh_detail.h"
+#include "editor/flesh/smooth_samples.h"
+#include "editor/session/apply_field.h"
 #include "editor/session/skeleton_handle.h"
 #include "io/geometry.h"
 #include "io/scene_file.h"
-#include "solver/field/field.h"
 
 namespace cellwarp
 {
@@ -119,8 +120,8 @@ public:
     /// The shape as the lattice has it: at once, exact at bones, with creases in its
     /// slopes where cells meet.
     DeformedSamples deformed_live() const;
-    /// The same, smooth, by a field through the cells' middles; of a lattice that was
-    /// drawn it is deformed_live().
+    /// The same, smooth, and exact at bones as well; of a lattice that was drawn it is
+    /// deformed_live().
     DeformedSamples deformed();
     /// Nodes of the lattice now [model unit].
     std::vector<Eigen::Vector3d> nodes() const;
@@ -143,10 +144,9 @@ private:
     std::int64_t steps_of_fade() const;
     std::vector<Fading> fading_in(const FleshBody& body, const CarriedState& carried,
                                   const FleshDetail& next) const;
-    void take_lattice();
     void stopped(const char* why);
-    void fade_bones();
     DeformedSamples rest_samples() const;
+    Carried carried_of(DeformedSamples& samples) const;
 
     std::shared_ptr<const Geometry> geometry_;
     const TimeSettings time_;
@@ -157,12 +157,7 @@ private:
     std::vector<std::string> warnings_;
     std::optional<KeyedJoints> keys_;
     std::vector<std::uint32_t> use_samples_; ///< of the direction uses
-    FieldChoice field_;
-    std::vector<Constraint> constraints_; ///< none: all cells are free
-    std::unique_ptr<RbfSystems> systems_ = std::make_unique<RbfSystems>();
-    std::unique_ptr<FieldFitter> fitter_;
-    std::unique_ptr<RegionFade> bones_; ///< around the held points; null: there are none
-    std::vector<int> motion_of_node_;   ///< of each of its nodes
+    std::unique_ptr<SmoothSamples> smooth_;  ///< null until they are wanted
     Snapshot snapshot_;
     FleshFrame since_; ///< the last report
     bool is_finite_ = true, has_told_of_most_ = false;

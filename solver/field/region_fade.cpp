@@ -281,21 +281,21 @@ void RegionFade::node_shares(const Eigen::Vector3d& x, const Nearest& nearest,
             {near[i].index, found.shares[i].value(), found.shares[i].derivatives()});
 }
 
-FieldValue RegionFade::average(const Eigen::Vector3d& x, const Nearest& nearest,
+FieldValue RegionFade::average(const Eigen::Vector3d& x, const NodeShares& shares,
                                std::span<const FieldValue> node_values,
-                               NodeShares& scratch) const
+                               bool wants_gradient) const
 {
-    node_shares(x, nearest, scratch);
     FieldValue result;
-    for (const NodeShare& share : scratch.nodes)
+    for (const NodeShare& share : shares.nodes)
     {
         const FieldValue& known = node_values[share.node];
         const Eigen::Vector3d step = known.gradient * (x - nodes()[share.node]);
-        const Eigen::Vector3d value = known.displacement + scratch.slope * step;
+        const Eigen::Vector3d value = known.displacement + shares.slope * step;
         result.displacement += share.value * value;
-        result.gradient += value * share.gradient.transpose() +
-                           share.value * (scratch.slope * known.gradient +
-                                          step * scratch.slope_gradient.transpose());
+        if (wants_gradient)
+            result.gradient += value * share.gradient.transpose() +
+                               share.value * (shares.slope * known.gradient +
+                                              step * shares.slope_gradient.transpose());
     }
     return result;
 }
@@ -692,8 +692,8 @@ void MovedRegions::correct(const Eigen::Vector3d& x,
                                                     x, nearest, region.misses);
             continue;
         }
-        const FieldValue miss =
-            region.fade->average(x, nearest, region.misses, scratch.shares);
+        region.fade->node_shares(x, nearest, scratch.shares);
+        const FieldValue miss = region.fade->average(x, scratch.shares, region.misses);
         value.displacement += share.value * miss.displacement;
         value.gradient +=
             share.value * miss.gradient + miss.displacement * share.gradient.transpose();

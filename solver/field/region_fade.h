@@ -106,10 +106,11 @@ public:
     void node_shares(const Eigen::Vector3d& x, const Nearest& nearest,
                      NodeShares& out) const;
 
-    /// What is known at the nodes, value and slope, carried to \p x.
-    FieldValue average(const Eigen::Vector3d& x, const Nearest& nearest,
+    /// What is known at the nodes, value and slope, carried to \p x, whose shares these
+    /// are. The gradient is left 0 unless it is wanted.
+    FieldValue average(const Eigen::Vector3d& x, const NodeShares& shares,
                        std::span<const FieldValue> node_values,
-                       NodeShares& scratch) const;
+                       bool wants_gradient = true) const;
 
     /// The value alone, to the same bits: faster.
     Eigen::Vector3d average_displacement(const Eigen::Vector3d& x, const Nearest& nearest,
