@@ -17,8 +17,8 @@
 
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
+#include "octree/closed_surface.h"
 #include "octree/winding.h"
-#include "octree/wrap/wrap.h"
 
 namespace cellwarp
 {
@@ -30,9 +30,10 @@ namespace
 /// branches to the corners of boxes it is at most 0.41, of ears and fingers 0.44 or more.
 constexpr double kPointed = 0.43;
 
-/// The ball of the wrap, and its distance [diagonal]; it rolls over what samples leave
-/// open.
-constexpr double kBall = 1.0 / 40.0, kOffset = 1.0 / 400.0, kSpacings = 3.0;
+/// A surface stands for the shape if the box of the part that has lines holds such a
+/// share of its samples; what lies farther off than this from the box is outside
+/// [diagonal].
+constexpr double kMostOfShape = 0.95, kOutside = 0.01;
 
 /// Rounds of smoothing.
 constexpr int kRounds = 40, kFewRounds = 3;
@@ -210,20 +211,24 @@ void extend_to_tip(const Shape& surface, const std::vector<Eigen::Vector3d>& aro
     line.push_back(tip + on);
 }
 
-Shape surface_of(const Shape& shape, std::size_t most_triangles)
+/// The share of samples that the box of what a skeleton was made of holds.
+double share_of_shape(const std::vector<Eigen::Vector3d>& samples,
+                      const CurveSkeleton& skeleton)
 {
-    if (shape.triangles.size() <= most_triangles && !shape.triangles.empty())
-        return shape;
-    Eigen::Vector3d low = shape.samples.front(), high = low;
-    for (const Eigen::Vector3d& x : shape.samples)
-    {
-        low = low.cwiseMin(x);
-        high = high.cwiseMax(x);
-    }
-    const double diagonal = (high - low).norm();
-    const double ball =
-        std::max(kBall * diagonal, kSpacings * point_spacing(shape.samples));
-    return alpha_wrap(shape.samples, ball, std::max(kOffset * diagonal, 0.05 * ball));
+    Eigen::AlignedBox3d whole, part;
+    for (const Eigen::Vector3d& x : samples)
+        whole.extend(x);
+    for (const std::vector<Eigen::Vector3d>& around : skeleton.around)
+        for (const Eigen::Vector3d& x : around)
+            part.extend(x);
+    if (part.isEmpty())
+        return 0.0;
+    const double beyond = kOutside * whole.diagonal().norm();
+    const auto held =
+        std::count_if(samples.begin(), samples.end(),
+                      [&](const Eigen::Vector3d& x)
+                      { return part.squaredExteriorDistance(x) <= beyond * beyond; });
+    return static_cast<double>(held) / static_cast<double>(samples.size());
 }
 
 /// The middle of a box that is far away, of its size: the flow does not end there, digits
@@ -271,15 +276,21 @@ CurveGraph::CurveGraph(const Shape& shape, const CurveOptions& options)
 
 void CurveGraph::find(const Shape& shape)
 {
-    surface_ = surface_of(shape, options_.most_triangles);
-    skeleton_ = curve_skeleton(surface_);
-    if (is_empty() && shape.triangles.size() <= options_.most_triangles)
+    double most = 0.0;
+    for (const auto& way : closed_surfaces(shape, options_.most_triangles))
     {
-        // It was not closed.
-        Shape samples;
-        samples.samples = shape.samples;
-        surface_ = surface_of(samples, options_.most_triangles);
-        skeleton_ = curve_skeleton(surface_);
+        Shape surface = way();
+        CurveSkeleton skeleton = curve_skeleton(surface);
+        const double share =
+            skeleton.edges.empty() ? 0.0 : share_of_shape(shape.samples, skeleton);
+        if (share > most)
+        {
+            most = share;
+            surface_ = std::move(surface);
+            skeleton_ = std::move(skeleton);
+        }
+        if (most >= kMostOfShape)
+            break;
     }
     if (is_empty())
         return;
@@ -295,6 +306,11 @@ void CurveGraph::find(const Shape& shape)
     for (const Eigen::Vector3d& x : skeleton_.points)
         radius_.push_back(std::sqrt(tree.nearest(x).distance_squared));
     cut_spurs();
+}
+
+bool CurveGraph::is_inside(const Eigen::Vector3d& x) const
+{
+    return is_within(surface_, x);
 }
 
 double CurveGraph::length(int a, int b) const

@@ -20,16 +20,16 @@ struct CurveOptions
     /// Branches to a tip that are shorter than so many radii of where they leave are
     /// spurs: pointed ones, as those to the corners of a box, and blunt ones.
     double pointed_spur = 2.0, blunt_spur = 2.0;
-    /// Surfaces of more triangles are wrapped first: the flow's time grows faster than
-    /// they do, and a limb shows in a few thousand as well.
+    /// Surfaces of more triangles are wrapped: the flow's time grows faster than they do,
+    /// and a limb shows in a few thousand as well.
     std::size_t most_triangles = 20000;
 };
 
 class CurveGraph
 {
 public:
-    /// Of the surface of \p shape where it is closed, else of a wrap around its samples.
-    /// Empty where there is none, and in a build without CGAL.
+    /// Of the first of closed_surfaces() that holds nearly all of \p shape, else of the
+    /// one that holds most of it. Empty where there is none, and in a build without CGAL.
     CurveGraph(const Shape& shape, const CurveOptions& options);
 
     bool is_empty() const { return skeleton_.edges.empty(); }
@@ -42,6 +42,8 @@ public:
     /// Distance of the surface.
     double radius(int node) const { return radius_[static_cast<std::size_t>(node)]; }
     const std::vector<Eigen::Vector3d>& surface() const { return surface_.samples; }
+    /// Whether the surface encloses a place.
+    bool is_inside(const Eigen::Vector3d& x) const;
 
     std::vector<int> around(int node) const;
     int degree(int node) const;

@@ -53,6 +53,7 @@ public:
         length_ += length;
     }
     Eigen::Vector3d place() const { return sum_ / length_; }
+    double length() const { return length_; }
 
 private:
     Eigen::Vector3d sum_ = Eigen::Vector3d::Zero();
@@ -61,7 +62,7 @@ private:
 
 } // namespace
 
-Shape with_lids(const Shape& shape)
+Shape with_lids(const Shape& shape, double longest)
 {
     const std::vector<OpenEdge> open = open_edges(shape);
     UnionFind loops(shape.samples.size());
@@ -76,11 +77,14 @@ Shape with_lids(const Shape& shape)
     std::map<int, std::uint32_t> tips;
     for (const auto& [loop, middle] : middles)
     {
+        if (middle.length() > longest)
+            continue;
         tips[loop] = static_cast<std::uint32_t>(closed.samples.size());
         closed.samples.push_back(middle.place());
     }
     for (const OpenEdge& edge : open)
-        closed.triangles.push_back({edge.second, edge.first, tips[loop_of(edge)]});
+        if (const auto tip = tips.find(loop_of(edge)); tip != tips.end())
+            closed.triangles.push_back({edge.second, edge.first, tip->second});
     return closed;
 }
 

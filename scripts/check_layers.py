@@ -112,7 +112,7 @@ OPTIONAL = {"solver/flesh": {"editor/flesh", "editor/cli/flesh_in_time.cpp", "so
                                "editor/session/pushing_splines.cpp"},
             "editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
             "io/import": {"io/geometry_file.cpp"},
-            "octree/wrap": {"octree/winding.cpp", "octree/curve_graph.h", "octree/curve_graph.cpp",
+            "octree/wrap": {"octree/winding.cpp", "octree/curve_graph.h", "octree/closed_surface.cpp", "octree/curve_graph.cpp",
                             "octree/self_intersections.cpp",
                             "solver/contact/obstacle.cpp"}}
 

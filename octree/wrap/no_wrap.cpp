@@ -10,4 +10,9 @@ Shape alpha_wrap(std::span<const Eigen::Vector3d>, double, double)
     return {};
 }
 
+Shape alpha_wrap(const Shape&, double, double)
+{
+    return {};
+}
+
 } // namespace cellwarp

@@ -13,23 +13,28 @@
 namespace cellwarp
 {
 
-Shape alpha_wrap(std::span<const Eigen::Vector3d> points, double alpha, double offset)
+namespace
 {
-    using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-    using Mesh = CGAL::Surface_mesh<Kernel::Point_3>;
-    Shape wrap;
-    if (points.empty())
-        return wrap;
-    std::vector<Kernel::Point_3> input;
-    input.reserve(points.size());
+
+using WrapKernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Mesh = CGAL::Surface_mesh<WrapKernel::Point_3>;
+
+std::vector<WrapKernel::Point_3> library_points(std::span<const Eigen::Vector3d> points)
+{
+    std::vector<WrapKernel::Point_3> out;
+    out.reserve(points.size());
     for (const Eigen::Vector3d& x : points)
-        input.emplace_back(x.x(), x.y(), x.z());
-    Mesh mesh;
-    CGAL::alpha_wrap_3(input, alpha, offset, mesh);
+        out.emplace_back(x.x(), x.y(), x.z());
+    return out;
+}
+
+Shape shape_of(const Mesh& mesh)
+{
+    Shape shape;
     for (const Mesh::Vertex_index vertex : mesh.vertices())
     {
-        const Kernel::Point_3& x = mesh.point(vertex);
-        wrap.samples.emplace_back(x.x(), x.y(), x.z());
+        const WrapKernel::Point_3& x = mesh.point(vertex);
+        shape.samples.emplace_back(x.x(), x.y(), x.z());
     }
     for (const Mesh::Face_index face : mesh.faces())
     {
@@ -38,9 +43,33 @@ Shape alpha_wrap(std::span<const Eigen::Vector3d> points, double alpha, double o
         for (const Mesh::Vertex_index vertex :
              CGAL::vertices_around_face(mesh.halfedge(face), mesh))
             triangle[k++] = vertex.idx();
-        wrap.triangles.push_back(triangle);
+        shape.triangles.push_back(triangle);
     }
-    return wrap;
+    return shape;
+}
+
+} // namespace
+
+Shape alpha_wrap(std::span<const Eigen::Vector3d> points, double alpha, double offset)
+{
+    if (points.empty())
+        return {};
+    Mesh mesh;
+    CGAL::alpha_wrap_3(library_points(points), alpha, offset, mesh);
+    return shape_of(mesh);
+}
+
+Shape alpha_wrap(const Shape& surface, double alpha, double offset)
+{
+    if (surface.triangles.empty())
+        return {};
+    std::vector<std::vector<std::size_t>> faces;
+    faces.reserve(surface.triangles.size());
+    for (const auto& [a, b, c] : surface.triangles)
+        faces.push_back({a, b, c});
+    Mesh mesh;
+    CGAL::alpha_wrap_3(library_points(surface.samples), faces, alpha, offset, mesh);
+    return shape_of(mesh);
 }
 
 } // namespace cellwarp

@@ -20,5 +20,8 @@ namespace cellwarp
 /// a build without CGAL.
 /// \pre alpha > 0, offset > 0
 Shape alpha_wrap(std::span<const Eigen::Vector3d> points, double alpha, double offset);
+/// The same around the triangles of \p surface: the ball does not pass between their
+/// corners, however small it is.
+Shape alpha_wrap(const Shape& surface, double alpha, double offset);
 
 } // namespace cellwarp

@@ -69,6 +69,22 @@ TEST(Lids, close_every_opening_whatever_its_width)
     }
 }
 
+TEST(Lids, leave_openings_open_whose_rim_is_longer_than_wanted)
+{
+    // Ends of 2 x 2 and of 1 x 1.
+    Shape two = opened({2, 2, 4}, [](const Vector3d& x) { return x.z() == 0.0; });
+    const Shape small = opened({1, 1, 4}, [](const Vector3d& x) { return x.z() == 4.0; });
+    const auto first = static_cast<std::uint32_t>(two.samples.size());
+    for (const Vector3d& x : small.samples)
+        two.samples.push_back(x + Vector3d(5, 0, 0));
+    for (const auto& [a, b, c] : small.triangles)
+        two.triangles.push_back({a + first, b + first, c + first});
+    EXPECT_EQ(with_lids(two, 3.9).samples.size(), two.samples.size());
+    EXPECT_EQ(with_lids(two, 4.1).samples.size(), two.samples.size() + 1);
+    EXPECT_EQ(with_lids(two, 8.1).samples.size(), two.samples.size() + 2);
+    EXPECT_EQ(bounding_surface(with_lids(two, 8.1)).open_edges, 0.0);
+}
+
 TEST(Lids, lie_in_the_middle_of_their_loops_and_face_outwards)
 {
     const Shape cup = opened({1, 1, 1}, [](const Vector3d& x) { return x.z() == 1.0; });

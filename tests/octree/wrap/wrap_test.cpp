@@ -48,6 +48,14 @@ TEST(AlphaWrap, closes_what_a_ball_cannot_enter)
     EXPECT_LT(volume(alpha_wrap(open.samples, 0.3, 0.03)), 0.5 * volume(pot));
 }
 
+TEST(AlphaWrap, around_triangles_does_not_enter_between_their_corners)
+{
+    const Shape box = support::box_shape({0, 0, 0}, {1, 1, 1}, 1);
+    EXPECT_LT(volume(alpha_wrap(box.samples, 0.2, 0.02)), 0.5);
+    EXPECT_NEAR(volume(alpha_wrap(box, 0.2, 0.02)), 1.0, 0.13);
+    EXPECT_TRUE(alpha_wrap(Shape{box.samples, {}}, 0.2, 0.02).triangles.empty());
+}
+
 TEST(AlphaWrap, is_the_same_in_every_thread_and_leaves_the_rounding_alone)
 {
     const Shape pot = support::pot(0.1);
@@ -61,7 +69,7 @@ TEST(AlphaWrap, is_the_same_in_every_thread_and_leaves_the_rounding_alone)
 
 TEST(AlphaWrap, of_no_points_is_empty)
 {
-    EXPECT_TRUE(alpha_wrap({}, 0.2, 0.03).triangles.empty());
+    EXPECT_TRUE(alpha_wrap(std::vector<Eigen::Vector3d>(), 0.2, 0.03).triangles.empty());
 }
 
 } // namespace cellwarp
