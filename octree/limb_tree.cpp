@@ -4,18 +4,26 @@
 // hangs on the root by shortest ways, so that a ring is open where two of them meet.
 // Between two joints the centre line is cut where it bends: at the place that is farthest
 // from its straight piece, again and again, until all is nearer than a share of the
-// limb's radius (Douglas and Peucker's way). A long limb that does not bend is cut
-// evenly.
+// limb's radius (Douglas and Peucker's way). A long piece that does not bend is cut as
+// well, because arms and legs of a T-pose are straight: evenly, but at a waist where one
+// is near.
 #include "octree/limb_tree.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <queue>
+#include <utility>
+
+#include <Eigen/Geometry>
 
 #include "octree/base/index.h"
+#include "octree/base/point_tree.h"
 #include "octree/base/segment.h"
 #include "octree/curve_graph.h"
+#include "octree/mirror_plane.h"
+#include "octree/mirrored_limbs.h"
 
 namespace cellwarp
 {
@@ -35,8 +43,20 @@ constexpr CurveOptions kLimbs = {1.75, 1.4, 60000};
 /// Branchings whose distance is less than so many of the larger radius are one joint.
 constexpr double kOne = 1.0;
 
+/// Joints so near to a mirror plane are in it, and so near to the surface in the shape
+/// [diagonal].
+constexpr double kInPlane = 0.01;
+
 /// A bone is at least so long, in radii.
 constexpr double kShortest = 0.8;
+
+/// A straight piece is cut if it is so much of its limb: a shin below a bent knee is not.
+constexpr double kMostOfLimb = 0.45;
+
+/// It is cut at a waist that is nearer to its middle than this part of its
+/// length, if its radius is less than such a share of those around it.
+constexpr std::size_t kNearMiddle = 8;
+constexpr double kWaist = 0.97;
 
 /// A way between two nodes that are joints.
 struct Branch
@@ -69,6 +89,61 @@ void find_bends(const std::vector<Vector3d>& line, std::size_t first, std::size_
     find_bends(line, first, bend, tolerance, shortest, out);
     out.push_back(bend);
     find_bends(line, bend, last, tolerance, shortest, out);
+}
+
+/// Where a piece of a line is narrowest near \p at, between \p low and \p high; \p at
+/// where it is not wider on both sides.
+std::size_t waist_near(const std::vector<double>& radii, std::size_t at, std::size_t low,
+                       std::size_t high)
+{
+    const auto begin = radii.begin();
+    const auto least =
+        std::min_element(begin + std::ptrdiff_t(low), begin + std::ptrdiff_t(high + 1));
+    const auto k = static_cast<std::size_t>(least - begin);
+    return k > low && k < high && *least < kWaist * radii[low] &&
+                   *least < kWaist * radii[high]
+               ? k
+               : at;
+}
+
+/// Adds to the places \p bends, ascending, those that divide long straight pieces between
+/// them into \p bones.
+void divide_long_pieces(const std::vector<Vector3d>& line,
+                        const std::vector<double>& radii, int bones,
+                        std::vector<std::size_t>& bends)
+{
+    std::vector<std::size_t> out;
+    std::size_t first = 0;
+    bends.push_back(line.size() - 1);
+    for (const std::size_t last : bends)
+    {
+        std::vector<double> between(radii.begin() + std::ptrdiff_t(first),
+                                    radii.begin() + std::ptrdiff_t(last + 1));
+        const auto middle = between.begin() + std::ptrdiff_t(between.size() / 2);
+        std::nth_element(between.begin(), middle, between.end());
+        const std::size_t count = last - first, near = count / kNearMiddle;
+        if ((line[last] - line[first]).norm() > kLongBone * *middle &&
+            static_cast<double>(count) > kMostOfLimb * static_cast<double>(line.size()) &&
+            count > static_cast<std::size_t>(bones))
+            for (int k = 1; k < bones; ++k)
+            {
+                const std::size_t at = first + idx(k) * count / idx(bones);
+                out.push_back(bones == 2 ? waist_near(radii, at, at - near, at + near)
+                                         : at);
+            }
+        if (last + 1 < line.size())
+            out.push_back(last);
+        first = last;
+    }
+    bends = std::move(out);
+}
+
+Eigen::AlignedBox3d box_of(const std::vector<Vector3d>& samples)
+{
+    Eigen::AlignedBox3d box;
+    for (const Vector3d& x : samples)
+        box.extend(x);
+    return box;
 }
 
 class Tree
@@ -239,25 +314,21 @@ private:
             line.front() = place_of(from);
         if (graph_.degree(way.back()) > 2)
             line.back() = place_of(to);
-        double length = 0.0;
-        for (std::size_t k = 1; k < line.size(); ++k)
-            length += (line[k] - line[k - 1]).norm();
-        std::vector<double> radii;
-        for (std::size_t k = way.size() / 4; k < way.size() - way.size() / 4; ++k)
-            radii.push_back(graph_.radius(way[k]));
-        std::nth_element(radii.begin(), radii.begin() + std::ptrdiff_t(radii.size() / 2),
-                         radii.end());
-        const double radius = radii[radii.size() / 2];
+        std::vector<double> of_way, radii;
+        for (const int node : way)
+            of_way.push_back(graph_.radius(node));
+        // Places of the line are as evenly along it as nodes are along the way.
+        for (std::size_t k = 0; k < line.size(); ++k)
+            radii.push_back(of_way[k * (way.size() - 1) / (line.size() - 1)]);
+        std::vector<double> inner(of_way.begin() + std::ptrdiff_t(way.size() / 4),
+                                  of_way.end() - std::ptrdiff_t(way.size() / 4));
+        std::nth_element(inner.begin(), inner.begin() + std::ptrdiff_t(inner.size() / 2),
+                         inner.end());
+        const double radius = inner[inner.size() / 2];
         std::vector<std::size_t> bends;
         find_bends(line, 0, line.size() - 1, options_.bend * radius, kShortest * radius,
                    bends);
-        if (static_cast<int>(bends.size()) + 1 < options_.bones &&
-            length > kLongLimb * radius)
-        {
-            bends.clear();
-            for (int k = 1; k < options_.bones; ++k)
-                bends.push_back(idx(k * (kPlacesOfLimb - 1) / options_.bones));
-        }
+        divide_long_pieces(line, radii, options_.bones, bends);
         if (!closes)
             bends.push_back(line.size() - 1);
         ++limbs_;
@@ -284,12 +355,60 @@ private:
     int limbs_ = 0;
 };
 
+/// Limbs are numbered anew, in the order in which they come; of one that goes into the
+/// plane what is beside it is another.
+void number_limbs(std::vector<LimbJoint>& joints)
+{
+    std::map<std::pair<int, bool>, int> numbers = {{{0, false}, 0}};
+    for (LimbJoint& joint : joints)
+        joint.limb = numbers
+                         .emplace(std::pair(joint.limb, joint.side != 0),
+                                  static_cast<int>(numbers.size()))
+                         .first->second;
+}
+
+/// Symmetric about the plane that has the most joints beside it; of a shape without such
+/// a plane the same.
+std::vector<LimbJoint> symmetric(const Shape& shape, const CurveGraph& graph,
+                                 std::vector<LimbJoint> joints)
+{
+    const Eigen::AlignedBox3d box = box_of(shape.samples);
+    const double tolerance = kInPlane * box.diagonal().norm();
+    const PointTree surface(graph.surface());
+    // Images of joints in thin limbs may lie beside them a little.
+    const auto has_place = [&](const Vector3d& x)
+    {
+        return graph.is_inside(x) ||
+               surface.nearest(x).distance_squared <= tolerance * tolerance;
+    };
+    std::ptrdiff_t most = -1;
+    std::vector<LimbJoint> best;
+    for (const MirrorPlane& plane : mirror_planes(shape.samples))
+    {
+        std::vector<LimbJoint> one = mirrored_limbs(joints, plane, tolerance, has_place);
+        const std::ptrdiff_t beside =
+            std::count_if(one.begin(), one.end(),
+                          [](const LimbJoint& joint) { return joint.side != 0; });
+        if (one.size() > 1 && beside > most)
+        {
+            most = beside;
+            best = std::move(one);
+        }
+    }
+    if (most < 0)
+        return joints;
+    number_limbs(best);
+    return best;
+}
+
 } // namespace
 
 std::vector<LimbJoint> limb_tree(const Shape& shape, const LimbOptions& options)
 {
     const CurveGraph graph(shape, kLimbs);
-    return graph.is_empty() ? std::vector<LimbJoint>() : Tree(graph, options).grow();
+    if (graph.is_empty())
+        return {};
+    return symmetric(shape, graph, Tree(graph, options).grow());
 }
 
 } // namespace cellwarp

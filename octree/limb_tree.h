@@ -15,8 +15,11 @@ struct LimbJoint
 {
     Eigen::Vector3d at;
     int parent = -1;     ///< before it; -1: the root
-    int limb = 0;        ///< from 1, one a branch; 0: the root
+    int limb = 0;        ///< from 1, one a branch or a pair of them; 0: the root
     double radius = 0.0; ///< of the shape around it
+    /// Of a symmetric shape 1 and -1 on either side of its mirror plane; 0 in the plane,
+    /// and of a limb that has no counterpart.
+    int side = 0;
 };
 
 struct LimbOptions
@@ -24,16 +27,18 @@ struct LimbOptions
     /// A limb bends where its line leaves its bones by more than this share of its
     /// radius.
     double bend = 0.35;
-    /// Least bones of a limb that is longer than kLongLimb of its radii.
+    /// Bones that a straight piece of a limb is divided into if it is longer than
+    /// kLongBone of its radii.
     int bones = 2;
 };
 
-/// How long a limb is that gets several bones, in radii.
-inline constexpr double kLongLimb = 6.0;
+/// How long a straight piece of a limb is that gets several bones, in radii.
+inline constexpr double kLongBone = 6.0;
 
 /// Joints along the centre lines of \p shape, parents first; the root is the branching
 /// that is nearest to the middle of all lines, or an end where nothing branches. Of a
-/// ring one place is open. Empty where there is no centre line.
+/// ring one place is open. Of a shape that is its own mirror image limbs of both sides
+/// are as well, to rounding. Empty where there is no centre line.
 std::vector<LimbJoint> limb_tree(const Shape& shape, const LimbOptions& options = {});
 
 } // namespace cellwarp

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/cli/skeleton.h"
 
-#include <map>
+#include <algorithm>
 #include <memory>
 
 #include <fmt/format.h>
@@ -14,6 +14,7 @@
 #include "io/skeleton_file.h"
 #include "io/text.h"
 #include "octree/base/index.h"
+#include "octree/limb_names.h"
 
 namespace cellwarp
 {
@@ -23,25 +24,105 @@ namespace
 
 struct SkeletonFlags
 {
-    std::string model, output, columns;
+    std::string model, output, columns, up = "y";
     LimbOptions options;
+    std::vector<std::string> without, soft; ///< names of limbs or joints
 };
 
-/// "root", then "limb3.2": the second joint of the third limb.
-std::vector<SkeletonJoint> statements_of(const std::vector<LimbJoint>& joints)
+/// Between the dots.
+std::vector<std::string> parts_of(const std::string& name)
+{
+    std::vector<std::string> out(1);
+    for (const char c : name)
+        if (c == '.')
+            out.emplace_back();
+        else
+            out.back() += c;
+    return out;
+}
+
+std::string joined_names(const std::vector<std::string>& names)
+{
+    std::string out;
+    for (const std::string& name : names)
+        out += (out.empty() ? "" : ", ") + name;
+    return out;
+}
+
+/// Whether a name, "leg" or "leg.L" or "leg.2.L", is that of a joint or of its limb: its
+/// parts between the dots are there in the same order, the first one first.
+bool is_named(const std::string& joint, const std::string& name)
+{
+    const std::vector<std::string> of_joint = parts_of(joint), of_name = parts_of(name);
+    if (of_name.front() != of_joint.front())
+        return false;
+    std::size_t k = 0;
+    for (const std::string& part : of_joint)
+        if (k < of_name.size() && part == of_name[k])
+            ++k;
+    return k == of_name.size();
+}
+
+/// Which joints a flag names. Throws where it names none, or the root.
+std::vector<char> named_by(const std::string& flag, const std::vector<std::string>& names,
+                           const std::vector<std::string>& joints)
+{
+    std::vector<char> out(joints.size(), 0);
+    for (const std::string& name : names)
+    {
+        bool is_there = false;
+        for (std::size_t k = 0; k < joints.size(); ++k)
+            if (is_named(joints[k], name))
+                out[k] = is_there = true;
+        if (!is_there)
+            throw wrong_flag(flag, "got " + in_quotes(name) +
+                                       ", which is neither a joint nor a limb of this "
+                                       "shape (there are " +
+                                       joined_names(joints) + ")");
+    }
+    if (out[0])
+        throw wrong_flag(flag, "the root cannot be left out");
+    return out;
+}
+
+/// The joints that stay: what is named by --without is not there, nor is of --soft what
+/// comes after its first bone; neither is what hangs on them.
+std::vector<char> staying(const SkeletonFlags& flags,
+                          const std::vector<LimbJoint>& joints,
+                          const std::vector<std::string>& names)
+{
+    const std::vector<char> without = named_by("--without", flags.without, names),
+                            soft = named_by("--soft", flags.soft, names);
+    std::vector<char> stays(joints.size(), 1);
+    for (std::size_t k = 1; k < joints.size(); ++k)
+    {
+        const std::size_t parent = idx(joints[k].parent);
+        const bool begins = !soft[parent];
+        const bool goes_on = std::any_of(joints.begin(), joints.end(),
+                                         [&](const LimbJoint& other)
+                                         { return other.parent == static_cast<int>(k); });
+        stays[k] = stays[parent] && !without[k] && (!soft[k] || (begins && goes_on));
+    }
+    return stays;
+}
+
+std::vector<SkeletonJoint> statements_of(const std::vector<LimbJoint>& joints,
+                                         const std::vector<std::string>& names,
+                                         const std::vector<char>& stays)
 {
     std::vector<SkeletonJoint> out;
-    std::map<int, int> count;
-    for (const LimbJoint& joint : joints)
+    for (std::size_t k = 0; k < joints.size(); ++k)
     {
+        if (!stays[k])
+            continue;
         SkeletonJoint& statement = out.emplace_back();
-        statement.name = joint.parent < 0
-                             ? "root"
-                             : fmt::format("limb{}.{}", joint.limb, ++count[joint.limb]);
-        if (joint.parent >= 0)
-            statement.parent = out[idx(joint.parent)].name;
-        statement.at = joint.at;
+        statement.name = names[k];
+        if (joints[k].parent >= 0)
+            statement.parent = names[idx(joints[k].parent)];
+        statement.at = joints[k].at;
     }
+    if (out.size() < 2)
+        throw wrong_flag("--without", "no bone is left");
     return out;
 }
 
@@ -84,14 +165,18 @@ int run(const SkeletonFlags& flags, const CommonFlags& common)
     print_warnings(file.geometry.warnings, common);
     const std::vector<LimbJoint> found =
         limbs_of(flags.model, file.geometry, flags.options);
-    const std::vector<SkeletonJoint> joints = statements_of(found);
+    const std::vector<std::string> names = limb_names(found, flags.up[0]);
+    const std::vector<char> stays = staying(flags, found, names);
+    const std::vector<SkeletonJoint> joints = statements_of(found, names, stays);
     OutputSet outputs(common.overwrite());
     outputs.write(flags.output, text_of(flags, joints));
     if (common.is_json)
     {
         Json json = {{"model", flags.model}, {"joints", joints_json(joints)}};
+        std::size_t at = 0;
         for (std::size_t k = 0; k < found.size(); ++k)
-            json["joints"][k]["radius"] = found[k].radius;
+            if (stays[k])
+                json["joints"][at++]["radius"] = found[k].radius;
         outputs.write("-", json_text(json));
     }
     outputs.commit();
@@ -127,9 +212,22 @@ void add_skeleton(CLI::App& app, CommonFlags& common, int& exit_code)
             flags->options.bend));
     command->add_option(
         "--bones", flags->options.bones,
-        fmt::format("least bones of a limb that is longer than {} of its radii (default "
-                    "{})",
-                    kLongLimb, flags->options.bones));
+        fmt::format(
+            "bones that a straight piece of a limb is divided into if it is longer "
+            "than {} of its radii (default {})",
+            kLongBone, flags->options.bones));
+    command
+        ->add_option("--without", flags->without,
+                     "NAME: without the bones of this limb (leg, leg.L, limb7) or from "
+                     "this joint on (leg.2.L), so that flesh there swings; repeatable")
+        ->allow_extra_args(false);
+    command
+        ->add_option("--soft", flags->soft,
+                     "NAME: the same, but the first bone of several stays, so that the "
+                     "limb begins where the body is; repeatable")
+        ->allow_extra_args(false);
+    command->add_option("--up", flags->up, "axis that points up, for names (default y)")
+        ->check(CLI::IsMember({"x", "y", "z"}));
     add_columns(*command, flags->columns);
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }

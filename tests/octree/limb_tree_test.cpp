@@ -13,6 +13,8 @@
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 #include "octree/winding.h"
+#include "tests/support/person.h"
+#include "tests/support/pot.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -227,6 +229,121 @@ TEST(LimbTree, a_leg_ends_in_its_foot_also_beside_an_open_sheet)
             leg.samples.push_back(corner);
         leg.triangles.push_back({first, first + 1, first + 2});
     }
+}
+
+namespace
+{
+
+double nearest_joint(const std::vector<LimbJoint>& joints, const Vector3d& x)
+{
+    double least = INFINITY;
+    for (const LimbJoint& joint : joints)
+        least = std::min(least, (joint.at - x).norm());
+    return least;
+}
+
+Vector3d mirrored(const Vector3d& x)
+{
+    return {-x.x(), x.y(), x.z()};
+}
+
+} // namespace
+
+TEST(LimbTree, of_a_person_with_an_open_mouth_legs_begin_at_the_hips)
+{
+    for (const unsigned seed : {1u, 2u, 3u})
+    {
+        const support::Person person = support::person(seed == 2 ? 45.0 : 0.0, seed);
+        const Shape open = support::with_hole(person.shape, person.mouth, 0.035);
+        ASSERT_LT(open.triangles.size(), person.shape.triangles.size());
+        const std::vector<LimbJoint> joints = limb_tree(open);
+        expect_tree(joints);
+        EXPECT_EQ(tips(joints), 5) << seed;
+        // The lowest joint with several children.
+        std::vector<int> children(joints.size(), 0);
+        for (const LimbJoint& joint : joints)
+            if (joint.parent >= 0)
+                ++children[idx(joint.parent)];
+        double lowest = INFINITY;
+        for (std::size_t j = 0; j < joints.size(); ++j)
+            if (children[j] > 1)
+                lowest = std::min(lowest, joints[j].at.y());
+        EXPECT_GT(lowest, person.hip.y() - 0.1) << seed;
+    }
+}
+
+TEST(LimbTree, of_a_person_in_clothes_of_several_parts_all_limbs_are_found)
+{
+    const support::Person person = support::person(0.0, 4);
+    const double waist = 0.4 * person.pelvis.y() + 0.6 * person.chest.y();
+    // Cut at the waist: two shells, each open there.
+    Shape cut = person.shape;
+    std::erase_if(
+        cut.triangles,
+        [&](const Triangle& t)
+        {
+            const double y =
+                (cut.samples[t[0]] + cut.samples[t[1]] + cut.samples[t[2]]).y() / 3.0;
+            return std::abs(y - waist) < 0.02;
+        });
+    ASSERT_LT(cut.triangles.size(), person.shape.triangles.size());
+    EXPECT_EQ(tips(limb_tree(cut)), 5);
+}
+
+TEST(LimbTree, straight_arms_and_legs_of_a_person_have_elbows_and_knees)
+{
+    for (const unsigned seed : {1u, 5u})
+    {
+        const support::Person person = support::person(0.0, seed);
+        const std::vector<LimbJoint> joints = limb_tree(person.shape);
+        for (const Vector3d& joint : {person.elbow, person.knee})
+        {
+            EXPECT_LT(nearest_joint(joints, joint), 0.09) << seed;
+            EXPECT_LT(nearest_joint(joints, mirrored(joint)), 0.09) << seed;
+        }
+    }
+}
+
+TEST(LimbTree, a_symmetric_person_has_a_symmetric_skeleton_also_turned_and_mirrored)
+{
+    const support::Person person = support::person(35.0, 6);
+    for (const double degrees : {0.0, 50.0, 180.0})
+    {
+        const Eigen::AngleAxisd turn(degrees * std::numbers::pi / 180.0,
+                                     Vector3d(1, 2, 3).normalized());
+        Shape shape = support::with_hole(person.shape, person.mouth, 0.035);
+        for (Vector3d& x : shape.samples)
+            x = turn * x + Vector3d(3, 0, 1);
+        const std::vector<LimbJoint> joints = limb_tree(shape);
+        expect_tree(joints);
+        EXPECT_EQ(tips(joints), 5) << degrees;
+        int beside = 0;
+        for (const LimbJoint& joint : joints)
+        {
+            const Vector3d image =
+                turn * mirrored(turn.inverse() * (joint.at - Vector3d(3, 0, 1))) +
+                Vector3d(3, 0, 1);
+            EXPECT_LT(nearest_joint(joints, image), 2e-3) << degrees;
+            beside += joint.side != 0;
+        }
+        EXPECT_GE(beside, 12) << degrees;
+        for (const Vector3d& joint : {person.elbow, person.knee})
+            EXPECT_LT(nearest_joint(joints, turn * joint + Vector3d(3, 0, 1)), 0.1)
+                << degrees;
+    }
+}
+
+TEST(LimbTree, a_straight_piece_of_a_limb_that_bends_elsewhere_is_halved)
+{
+    // Long, then a bend and a short foot.
+    std::vector<Vector3d> line;
+    for (int k = 0; k <= 40; ++k)
+        line.emplace_back(0.1 * k, 0, 0);
+    for (int k = 1; k <= 8; ++k)
+        line.emplace_back(4, 0.1 * k, 0);
+    const std::vector<LimbJoint> joints = limb_tree(tube(line, 0.25, false));
+    expect_tree(joints);
+    EXPECT_LT(nearest_joint(joints, {2, 0, 0}), 0.4);
 }
 
 TEST(LimbTree, a_long_straight_limb_has_as_many_bones_as_asked_for)
