@@ -150,12 +150,29 @@ void read_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
                     });
 }
 
-void read_sizes(RodReader& reader, RodScene& scene, const std::string& prefix,
-                std::vector<SizeKey>& keys)
+void read_window(RodReader& reader, TimeWindow& window)
 {
-    read_timed_keys(reader, scene, prefix, keys,
-                    [](RodReader& key, SizeKey& out)
-                    { key.read("size", -kHuge, kHuge, out.size); });
+    reader.read("from", 0.0, kHuge, window.from);
+    if (reader.object().find("until"))
+        reader.read("until", window.from, kHuge, window.until.emplace(0.0));
+}
+
+/// \p least: of a size.
+void read_sizes(RodReader& reader, RodScene& scene, const std::string& prefix,
+                double least, SizeInTime& sizes)
+{
+    read_window(reader, sizes);
+    read_timed_keys(reader, scene, prefix, sizes.keys,
+                    [least](RodReader& key, SizeKey& out)
+                    { key.read("size", least, kHuge, out.size); });
+}
+
+/// Of a material. \pre The integrator of the scene is known.
+void read_damping(RodReader& reader, const RodScene& scene, double& damping)
+{
+    reader.read("damping", 0.0, kHuge, damping);
+    if (damping > 0.0 && scene.is_static())
+        reader.object().fail("damping", "an equilibrium has no rates that it could damp");
 }
 
 void read_hold(RodReader& reader, RodScene& scene, const std::string& prefix,
@@ -180,6 +197,7 @@ void read_hold(RodReader& reader, RodScene& scene, const std::string& prefix,
                 });
     if (!has_any)
         hold.has_point = true;
+    read_window(reader, hold);
     read_keys(reader, scene, prefix, hold.keys);
     reader.object().warn_of_the_rest();
 }
@@ -315,6 +333,8 @@ void read_body(const Json& json, const std::string& prefix, RodScene& scene)
     reader.read("velocity", body.velocity);
     reader.read("spin", body.spin);
     read_keys(reader, scene, prefix, body.keys);
+    if (reader.object().find("damping"))
+        reader.object().fail("damping", "a rigid body has no strains that it could damp");
     reader.object().warn_of_the_rest();
 }
 
@@ -368,6 +388,7 @@ void read_net(const Json& json, const std::string& prefix, RodScene& scene)
                      [](double one) { return one > kTiny && one < kHuge; }))
         reader.object().fail("mass", "need that of all points together [kg], or a list "
                                      "with that of each, above 0");
+    read_damping(reader, scene, net.damping);
     reader.each("fixed",
                 [&](const Json& value, const std::string& name) {
                     net.fixed.push_back(index_of(reader, name, value, net.points.size()));
@@ -406,6 +427,7 @@ void read_sheet(const Json& json, const std::string& prefix, RodScene& scene)
     reader.read("thickness", kTiny, kHuge, sheet.thickness);
     reader.read("density", kTiny, kHuge, sheet.density);
     reader.read("viscosity", 0.0, kHuge, sheet.viscosity);
+    read_damping(reader, scene, sheet.damping);
     reader.read("velocity", sheet.velocity);
     reader.each("fixed",
                 [&](const Json& value, const std::string& name)
@@ -728,6 +750,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
     reader.read("E", kTiny, kHuge, rod.young);
     reader.read("nu", -0.999, 0.5, rod.poisson);
     reader.read("density", kTiny, kHuge, rod.density);
+    read_damping(reader, scene, rod.damping);
     if (std::array<double, 2> both; reader.read("EI", both))
         rod.bending = both;
     if (reader.object().find("GJ"))
@@ -771,10 +794,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
                     of.read("at", 0.0, 1.0, load.at);
                     of.read("force", load.force);
                     of.read("moment", load.moment);
-                    of.read("from", 0.0, kHuge, load.from);
-                    if (of.object().find("until"))
-                        of.read("until", load.from, kHuge, load.until.emplace(0.0));
-                    read_sizes(of, scene, prefix + key + ".", load.keys);
+                    read_sizes(of, scene, prefix + key + ".", -kHuge, load);
                     of.object().warn_of_the_rest();
                 });
     reader.each("springs",
@@ -792,6 +812,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
                     of.read("damping", 0.0, kHuge, spring.damping);
                     if (!(spring.stiffness > 0.0) && !(spring.damping > 0.0))
                         of.object().fail("stiffness", "is missing, or damping");
+                    read_sizes(of, scene, prefix + key + ".", 0.0, spring);
                     of.object().warn_of_the_rest();
                 });
     reader.each("cut",
@@ -826,6 +847,7 @@ RodScene rod_scene_of(const std::string& path, const std::string& text)
     scene.has_flesh = json.contains("skeleton");
     if (scene.has_flesh)
         scene.dt = kStepOfFlesh;
+    read_time_settings(root.object(), scene.path, scene, scene.warnings);
     std::vector<OtherRod> others;
     root.each("rods", [&](const Json& value, const std::string& key)
               { read_rod(value, key + ".", scene, others); });
@@ -858,7 +880,6 @@ RodScene rod_scene_of(const std::string& path, const std::string& text)
         }
     root.each("joints", [&](const Json& value, const std::string& key)
               { read_joint(value, key + ".", scene); });
-    read_time_settings(root.object(), scene.path, scene, scene.warnings);
     if (json.contains("model") && !scene.carries() && !scene.has_flesh)
         scene.warnings.push_back(
             at({path, 0, "model"}, "no rod carries it, it is left out"));

@@ -22,8 +22,29 @@ struct RodKey
     std::array<double, 4> rotate{0, 0, 1, 0}; ///< axis, [degree], about the place at rest
 };
 
-/// A place that is held as it is at rest, or moved by keys.
-struct RodHold
+/// When something acts.
+struct TimeWindow
+{
+    double from = 0.0;           ///< [s]
+    std::optional<double> until; ///< [s]
+
+    bool is_open(double time) const { return from <= time && !(until && time > *until); }
+};
+
+/// How large something is at a time; linear between two of them.
+struct SizeKey
+{
+    double time = 0.0, size = 1.0; ///< [s], a share
+};
+
+struct SizeInTime : TimeWindow
+{
+    std::vector<SizeKey> keys; ///< none: 1
+};
+
+/// A place that is held as it is at rest, or where it is when its window opens, or moved
+/// by keys.
+struct RodHold : TimeWindow
 {
     double at = 0.0; ///< share of the rest length
     bool has_point = false, has_tangent = false, has_twist = false, has_curvature = false;
@@ -64,23 +85,15 @@ struct RodOn
     std::optional<SlideStatement> other_slide;
 };
 
-/// How large something is at a time; linear between two of them.
-struct SizeKey
-{
-    double time = 0.0, size = 1.0; ///< [s], a share
-};
-
-struct RodPull
+struct RodPull : SizeInTime
 {
     double at = 1.0;
-    Triple force{}, moment{};    ///< [N], [N m]
-    double from = 0.0;           ///< [s]
-    std::optional<double> until; ///< [s]
-    std::vector<SizeKey> keys;   ///< none: 1
+    Triple force{}, moment{}; ///< [N], [N m]
 };
 
-/// From a place of the rod to one of the world.
-struct RodSpringTo
+/// From a place of the rod to one of the world. The size is that of stiffness and
+/// damping.
+struct RodSpringTo : SizeInTime
 {
     double at = 1.0;
     Triple point{};
@@ -114,7 +127,8 @@ struct RodStatement
     bool is_closed = false;
     std::vector<double> radius = {0.01}; ///< [m]; several: evenly along the rod, linear
     double young = 1e6, poisson = 0.3, density = 1000.0; ///< [Pa], [kg/m^3]
-    std::optional<std::array<double, 2>> bending;        ///< [N m^2]
+    double damping = 0.0; ///< of the material: time by which rates count as strains [s]
+    std::optional<std::array<double, 2>> bending; ///< [N m^2]
     std::optional<Triple> normal; ///< direction 1 of the section at the begin of the rod
     std::optional<double> twisting; ///< [N m^2]
     std::string energy = "exact";
@@ -156,6 +170,7 @@ struct NetStatement
     std::vector<Triple> points; ///< [m]
     std::vector<double> masses; ///< of each [kg]
     std::vector<Spring> springs;
+    double damping = 0.0;           ///< of the springs, as of a rod [s]
     std::vector<std::size_t> fixed; ///< points that stay
 };
 
@@ -169,6 +184,7 @@ struct SheetStatement
     std::int64_t degree = 3;
     double young = 1e5, thickness = 1e-3, density = 1000.0; ///< [Pa], [m], [kg/m^3]
     double viscosity = 0.0;                                 ///< of the velocity [1/s]
+    double damping = 0.0;                                   ///< as of a rod [s]
     Triple velocity{};                                      ///< [m/s]
     std::vector<Triple> fixed; ///< places that stay, shares of the sides
     std::vector<Triple> over;  ///< points that it slides over [m]

@@ -70,16 +70,16 @@ Motion motion_of(const RodKey& key, const Eigen::Vector3d& about)
     return {R, about - R * about + vector_of(key.translate)};
 }
 
-double size_at(const RodPull& load, double time)
+double size_at(const SizeInTime& of, double time)
 {
-    if (time < load.from || (load.until && time > *load.until))
+    if (!of.is_open(time))
         return 0.0;
-    if (load.keys.empty())
+    if (of.keys.empty())
         return 1.0;
-    const auto next = std::find_if(load.keys.begin(), load.keys.end(),
+    const auto next = std::find_if(of.keys.begin(), of.keys.end(),
                                    [&](const SizeKey& key) { return key.time > time; });
-    if (next == load.keys.begin() || next == load.keys.end())
-        return next == load.keys.end() ? load.keys.back().size : next->size;
+    if (next == of.keys.begin() || next == of.keys.end())
+        return next == of.keys.end() ? of.keys.back().size : next->size;
     const SizeKey &a = *(next - 1), &b = *next;
     return a.size + (time - a.time) / (b.time - a.time) * (b.size - a.size);
 }

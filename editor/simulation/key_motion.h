@@ -25,8 +25,8 @@ Motion motion_of(const RodKey& key, const Eigen::Vector3d& about);
 Motion motion_at(std::vector<RodKey> keys, double time, const Eigen::Vector3d& about,
                  double share);
 
-/// The share of a load that acts at a time.
-double size_at(const RodPull& load, double time);
+/// The share of something that acts at a time.
+double size_at(const SizeInTime& of, double time);
 
 /// How far keys turn between two times, there and back added up [degree].
 double turned(const std::vector<RodKey>& keys, double begin, double end);

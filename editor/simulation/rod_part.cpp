@@ -15,7 +15,6 @@
 #include "io/error.h"
 #include "octree/base/index.h"
 #include "solver/rods/elasticity.h"
-#include "solver/rods/point_springs.h"
 #include "solver/rods/rod_response.h"
 #include "solver/rods/springs.h"
 #include "solver/rods/tensor_stretch.h"
@@ -147,6 +146,13 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
         model.terms.push_back(spring_elasticity(rod));
     else if (!is_exact)
         model.terms.push_back(tensor_stretch(rod));
+    model.damping = statement_.damping;
+    // Springs and tensors store what the exact strains lose.
+    if (!is_exact && model.damping > 0.0)
+        model.terms.push_back(
+            exact_elasticity(rod, {.has_bending = is_discrete && springs_bend(rod),
+                                   .has_twist = false,
+                                   .has_energy = false}));
     model.gravity = vector_of(scene.gravity);
     model.viscosity = scene.viscosity / rod.section(0.5).mass;
     for (int k = 0; k < rod.num_controls(); ++k)
@@ -159,6 +165,7 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
             {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
     add_springs();
     hold_at(0.0, 1.0);
+    open_holds(scene.is_static() ? scene.duration : 0.0, 0.0);
     if (scene.is_static())
         set_loads(scene.duration);
     is_cut_.assign(statement_.cuts.size(), 0);
@@ -204,7 +211,7 @@ void RodPart::add_holds()
         const RodHold& hold = statement_.holds[k];
         const double s = parameter(hold.at);
         const CurvePoint at = state.at(s);
-        held_.push_back({&hold.keys, model.constraints.size(), 0, at.place,
+        held_.push_back({&hold.keys, &hold, model.constraints.size(), 0, at.place,
                          state.frame(s), at.second,
                          where_ + ".fixed[" + std::to_string(k) + "]"});
         const auto add = [&](HoldKind kind)
@@ -270,7 +277,7 @@ void RodPart::add_on()
         }
         Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
         frame.col(2) = constraint.direction;
-        held_.push_back({&on.keys, model.constraints.size(), 1, point, frame,
+        held_.push_back({&on.keys, nullptr, model.constraints.size(), 1, point, frame,
                          Eigen::Vector3d::Zero(),
                          where_ + ".on[" + std::to_string(k) + "]"});
         model.constraints.push_back(constraint);
@@ -371,19 +378,28 @@ void RodPart::add_springs()
         PointSpring to{parameter(spring.at), vector_of(spring.point) - origin_,
                        spring.stiffness, 0.0};
         to.length = spring.length.value_or((state.at(to.s).place - to.point).norm());
+        SpringAt& at = springs_at_.emplace_back();
         if (spring.stiffness > 0.0)
+        {
+            at.spring = static_cast<int>(springs.size());
             springs.push_back(to);
+        }
         if (spring.damping > 0.0)
+        {
+            at.drag = static_cast<int>(model.drags.size());
             model.drags.push_back({to.s, spring.damping});
+        }
     }
-    has_springs_ = !springs.empty();
-    if (has_springs_)
-        model.terms.push_back(point_springs(rod, std::move(springs)));
+    if (springs.empty())
+        return;
+    std::unique_ptr<PointSprings> term = point_springs(rod, std::move(springs));
+    springs_ = term.get();
+    model.terms.push_back(std::move(term));
 }
 
 bool RodPart::has_equilibrium() const
 {
-    return !model.is_free() || has_springs_ || is_balanced(model);
+    return !model.is_free() || springs_ || is_balanced(model);
 }
 
 std::vector<double> RodPart::sliding(const Piece& piece) const
@@ -432,6 +448,7 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
         double from_spin = 0.0, spin = 0.0;
     };
     std::vector<Way> ways;
+    open_holds(0.5 * (from.time + to.time), from.time);
     for (Held& held : held_)
     {
         if (held.keys->empty())
@@ -481,9 +498,10 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
 
 bool RodPart::changes_loads() const
 {
-    return std::any_of(statement_.loads.begin(), statement_.loads.end(),
-                       [](const RodPull& load)
-                       { return load.from > 0.0 || load.until || !load.keys.empty(); });
+    const auto changes = [](const SizeInTime& one)
+    { return one.from > 0.0 || one.until || !one.keys.empty(); };
+    return std::any_of(statement_.loads.begin(), statement_.loads.end(), changes) ||
+           std::any_of(statement_.springs.begin(), statement_.springs.end(), changes);
 }
 
 void RodPart::set_loads(double time)
@@ -494,6 +512,44 @@ void RodPart::set_loads(double time)
         const double size = size_at(load, time);
         model.loads[k].force = size * vector_of(load.force);
         model.loads[k].moment = size * vector_of(load.moment);
+    }
+    for (std::size_t k = 0; k < statement_.springs.size(); ++k)
+    {
+        const double size = size_at(statement_.springs[k], time);
+        if (springs_at_[k].spring >= 0)
+            springs_->set_size(idx(springs_at_[k].spring), size);
+        if (springs_at_[k].drag >= 0)
+            model.drags[idx(springs_at_[k].drag)].damping =
+                size * statement_.springs[k].damping;
+    }
+}
+
+/// Holds that act at a time and did not take the place as it is at \p begin [s].
+void RodPart::open_holds(double time, double begin)
+{
+    for (Held& held : held_)
+    {
+        const bool is_off = held.window && !held.window->is_open(time);
+        if (is_off == model.constraints[held.first].is_off)
+            continue;
+        for (std::size_t k = held.first; k < held.first + held.count; ++k)
+            model.constraints[k].is_off = is_off;
+        if (is_off)
+            continue;
+        const double s = model.constraints[held.first].s;
+        const CurvePoint at = state.at(s);
+        held.place = at.place;
+        held.curvature = at.second;
+        held.frame = state.frame(s);
+        held.R = motion_at(*held.keys, begin, held.place, 1.0).R;
+        if (RodConstraint* const one = spin_of(held))
+        {
+            one->direction = held.frame.col(0);
+            one->tangent = held.frame.col(2);
+            one->spin = 0.0;
+        }
+        bring(held, held.place, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero(),
+              Eigen::Vector3d::Zero());
     }
 }
 
@@ -683,6 +739,8 @@ RodPart::reactions(const Eigen::VectorXd& multipliers) const
     for (const Held& held : held_)
     {
         const RodConstraint& first = model.constraints[held.first];
+        if (first.is_off)
+            continue;
         const double s = first.slide < 0 ? first.s : state.sliding[idx(first.slide)].s;
         HeldForce& one = out.emplace_back();
         one.key = held.key;

@@ -14,6 +14,7 @@
 #include "io/geometry.h"
 #include "io/rod_scene.h"
 #include "solver/rods/inner_forces.h"
+#include "solver/rods/point_springs.h"
 #include "solver/rods/rod_object.h"
 #include "solver/rods/rod_refinement.h"
 
@@ -52,7 +53,7 @@ public:
     /// Something holds it, or it needs nothing to.
     bool has_equilibrium() const;
     /// Something of the world does.
-    bool is_held() const { return !model.is_free() || has_springs_; }
+    bool is_held() const { return !model.is_free() || (springs_ != nullptr); }
 
     /// Brings what keys hold to where it is at a time, at rest, and loads to what they
     /// are then; \p share: of what keys of holds say.
@@ -122,11 +123,18 @@ private:
     const RodStatement& statement_;
     const std::string path_, where_; ///< of the scene; "rods[0]"
     const Eigen::Vector3d origin_;
-    bool has_springs_ = false;
+    PointSprings* springs_ = nullptr; ///< of the model's terms
+    /// Of each spring of the statement its stiffness in springs_, and its drag; -1: none.
+    struct SpringAt
+    {
+        int spring = -1, drag = -1;
+    };
+    std::vector<SpringAt> springs_at_;
     /// Of each hold its first constraint, its rest place and frame.
     struct Held
     {
         const std::vector<RodKey>* keys;
+        const TimeWindow* window; ///< null: always
         std::size_t first, count;
         Eigen::Vector3d place;
         Eigen::Matrix3d frame;
@@ -137,6 +145,7 @@ private:
     void bring(const Held& held, const Eigen::Vector3d& place, const Eigen::Matrix3d& R,
                const Eigen::Vector3d& speed, const Eigen::Vector3d& turning);
     void spin(Held& held, const Eigen::Matrix3d& R);
+    void open_holds(double time, double begin);
     void set_loads(double time);
     bool changes_loads() const;
     RodConstraint* spin_of(const Held& held);

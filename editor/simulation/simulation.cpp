@@ -79,6 +79,7 @@ std::unique_ptr<SplineSheet> sheet_of(const RodScene& scene, std::size_t k,
     }
     sheet->gravity = vector_of(scene.gravity);
     sheet->viscosity = of.viscosity;
+    sheet->damping = of.damping;
     for (int c = 0; c < sheet->num_controls(); ++c)
         sheet->velocity.segment<3>(3 * c) = vector_of(of.velocity);
     for (const Triple& place : of.fixed)
@@ -222,14 +223,14 @@ Simulation::Simulation(const RodScene& scene, JoinedFlesh* flesh)
         for (const NetStatement::Spring& spring : of.springs)
             springs.push_back(
                 {{static_cast<int>(spring.node[0]), static_cast<int>(spring.node[1])},
-                 spring.stiffness,
-                 0.0});
+                 spring.stiffness});
         SpringNet& net = parts_->nets.emplace_back(
             std::move(points),
             Eigen::Map<const Eigen::VectorXd>(
                 of.masses.data(), static_cast<Eigen::Index>(of.masses.size())),
-            std::move(springs));
+            springs);
         net.gravity = vector_of(scene_.gravity);
+        net.damping = of.damping;
         for (const std::size_t point : of.fixed)
             net.hold(static_cast<int>(point));
     }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A spring of length l between two points, along n, has the energy k / 2 (l - l_0)^2 and
-// the second derivatives k [n n^T + (1 - l_0 / l) (1 - n n^T)]. What is pushed together
-// has a negative part across n, which is left out where it makes the whole indefinite.
+// What is pushed together has a negative part across, which is left out where it makes
+// the whole indefinite.
 #include "solver/dynamics/spring_net.h"
 
 #include <algorithm>
@@ -21,8 +20,8 @@ using Eigen::Vector3d;
 } // namespace
 
 SpringNet::SpringNet(std::vector<Vector3d> points, Eigen::VectorXd mass,
-                     std::vector<NetSpring> springs)
-    : mass_(std::move(mass)), springs_(std::move(springs)), is_fast_(points.size(), 0)
+                     const std::vector<NetSpring>& springs)
+    : mass_(std::move(mass)), is_fast_(points.size(), 0)
 {
     x.resize(3 * static_cast<Eigen::Index>(points.size()));
     Vector3d low = points.front(), high = low;
@@ -34,26 +33,15 @@ SpringNet::SpringNet(std::vector<Vector3d> points, Eigen::VectorXd mass,
     }
     size_ = (high - low).norm();
     velocity = Eigen::VectorXd::Zero(x.size());
-    for (NetSpring& spring : springs_)
+    for (const NetSpring& spring : springs)
     {
-        spring.length = (point(spring.node[0]) - point(spring.node[1])).norm();
-        stiffest_ = std::max(stiffest_, spring.stiffness);
+        const auto [a, b] = std::minmax(spring.node[0], spring.node[1]);
+        springs_.add({{{3 * a, -1.0}, {3 * b, 1.0}},
+                      spring.stiffness,
+                      (point(a) - point(b)).norm()});
     }
     start_ = trial_ = velocity_before_ = x;
     diagonal_ = Eigen::VectorXd::Zero(x.size());
-}
-
-double SpringNet::elastic(const Eigen::VectorXd& at) const
-{
-    double sum = 0.0;
-    for (const NetSpring& spring : springs_)
-    {
-        const double l =
-            (at.segment<3>(3 * spring.node[0]) - at.segment<3>(3 * spring.node[1]))
-                .norm();
-        sum += 0.5 * spring.stiffness * (l - spring.length) * (l - spring.length);
-    }
-    return sum;
 }
 
 double SpringNet::weight(const Eigen::VectorXd& at) const
@@ -74,7 +62,7 @@ double SpringNet::kinetic() const
 
 ArticulableObject::Energy SpringNet::energy() const
 {
-    const double moving = kinetic(), stretched = elastic(x);
+    const double moving = kinetic(), stretched = elastic();
     return {moving + stretched + weight(x), moving + stretched};
 }
 
@@ -94,13 +82,22 @@ void SpringNet::add_moved(int place, const Vector3d& n, SparseRow& out) const
 void SpringNet::start(double step)
 {
     step_ = step;
-    pull_ = 1.0 / (step * step) + viscosity / step;
+    pull_ = 1.0 / (step * step);
     start_ = x;
+    // Implicit Euler damps as a material with damping = step does.
+    springs_.damp(x, std::max(damping - step, 0.0) / step);
     velocity_before_ = velocity;
+}
+
+void SpringNet::finish()
+{
+    velocity = (x - start_) / step_;
+    springs_.damp(x, 0.0);
 }
 
 void SpringNet::undo()
 {
+    springs_.damp(start_, 0.0);
     x = start_;
     velocity = velocity_before_;
 }
@@ -108,7 +105,7 @@ void SpringNet::undo()
 void SpringNet::measure(bool of_trial, Measure& out)
 {
     const Eigen::VectorXd& at = of_trial ? trial_ : x;
-    out.value = elastic(at) + weight(at);
+    out.value = springs_.step_energy(at) + weight(at);
     for (int k = 0; k < num_points(); ++k)
     {
         const Vector3d way = at.segment<3>(3 * k) - start_.segment<3>(3 * k);
@@ -133,24 +130,14 @@ double SpringNet::linearise(Eigen::VectorXd& gradient, Measure&)
             mass_[k] * (pull_ * (point(k) - start_.segment<3>(3 * k)) -
                         velocity_before_.segment<3>(3 * k) / step_ - gravity);
     at_work = std::max(gradient.cwiseAbs().maxCoeff(), mass_.maxCoeff() * gravity.norm());
-    for (const NetSpring& spring : springs_)
-    {
-        const Vector3d way = point(spring.node[0]) - point(spring.node[1]);
-        const double l = way.norm();
-        if (!(l > 0.0))
-            continue;
-        const Vector3d force = spring.stiffness * (l - spring.length) / l * way;
-        at_work = std::max(at_work, force.norm());
-        gradient.segment<3>(3 * spring.node[0]) += force;
-        gradient.segment<3>(3 * spring.node[1]) -= force;
-    }
+    at_work = std::max(at_work, springs_.add_gradient(x, gradient));
     let_go_of_fast(gradient);
     return at_work;
 }
 
 double SpringNet::noise_of_forces() const
 {
-    return 8.0 * kRounding * (stiffest_ + pull_ * mass_.maxCoeff()) * extent();
+    return 8.0 * kRounding * (springs_.stiffest() + pull_ * mass_.maxCoeff()) * extent();
 }
 
 SaddleSolver::Report SpringNet::factorize(const Eigen::VectorXd&, int& level)
@@ -166,34 +153,20 @@ SaddleSolver::Report SpringNet::factorize(const Eigen::VectorXd&, int& level)
                                      ? 1.0
                                      : std::pow(4.0, std::max(level - 1, 0)) * pull_ *
                                            mass_[u / 3]);
-        for (const NetSpring& spring : springs_)
-        {
-            const Vector3d way = point(spring.node[0]) - point(spring.node[1]);
-            const double l = way.norm();
-            const Vector3d n = l > 0.0 ? Vector3d(way / l) : Vector3d::UnitX();
-            const double tension = spring.length == 0.0 ? 1.0
-                                   : l > 0.0            ? 1.0 - spring.length / l
-                                   : level == 0         ? -1.0
-                                                        : 0.0;
-            const double across = level == 0 ? tension : std::max(tension, 0.0);
-            const Eigen::Matrix3d K =
-                spring.stiffness * (across * Eigen::Matrix3d::Identity() +
-                                    (1.0 - across) * n * n.transpose());
-            for (const int i : {0, 1})
-                for (const int j : {0, 1})
-                {
-                    const int a = spring.node[idx(i)], b = spring.node[idx(j)];
-                    const bool is_idle = is_fast_[idx(a)] || is_fast_[idx(b)];
-                    for (int r = 0; r < 3; ++r)
-                        for (int c = 0; c < 3; ++c)
-                            if (3 * a + r >= 3 * b + c)
-                                entries.emplace_back(3 * a + r, 3 * b + c,
-                                                     is_idle && a != b ? 0.0
-                                                     : is_fast_[idx(a)]
-                                                         ? 0.0
-                                                         : (i == j ? K(r, c) : -K(r, c)));
-                }
-        }
+        springs_.for_each_block(
+            x,
+            level == 0 ? DistanceSprings::Curvature::Exact
+                       : DistanceSprings::Curvature::WithoutPushes,
+            [&](int row, int column, const Eigen::Matrix3d& B)
+            {
+                // What stays keeps its place in the pattern.
+                const double share =
+                    is_fast_[idx(row / 3)] || is_fast_[idx(column / 3)] ? 0.0 : 1.0;
+                for (int r = 0; r < 3; ++r)
+                    for (int c = 0; c < 3; ++c)
+                        if (row + r >= column + c)
+                            entries.emplace_back(row + r, column + c, share * B(r, c));
+            });
         matrix_.resize(x.size(), x.size());
         matrix_.setFromTriplets(entries.begin(), entries.end());
         if (!factor_)
@@ -220,47 +193,14 @@ void SpringNet::solve(Eigen::VectorXd& r, Eigen::VectorXd&) const
     r = factor_->solve(r);
 }
 
-/// Of the springs.
-double SpringNet::turn(const Eigen::VectorXd& step) const
-{
-    double turn = 0.0;
-    for (const NetSpring& spring : springs_)
-    {
-        if (spring.length == 0.0)
-            continue; // it pulls in proportion to its length
-        const Vector3d way = point(spring.node[0]) - point(spring.node[1]);
-        const Vector3d change =
-            step.segment<3>(3 * spring.node[0]) - step.segment<3>(3 * spring.node[1]);
-        const double l = std::max(way.norm(), 0.1 * spring.length);
-        turn = std::max(
-            turn, (change - way * way.dot(change) / std::max(way.squaredNorm(), 1e-300))
-                          .norm() /
-                      l);
-    }
-    return turn;
-}
-
 void SpringNet::try_step(const Eigen::VectorXd& step, double length)
 {
     trial_ = x + length * step;
 }
 
-/// What is left of a spring's length by its curvature along the step.
 void SpringNet::add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const
 {
-    for (const NetSpring& spring : springs_)
-    {
-        const auto between = [&](const Eigen::VectorXd& at) -> Vector3d
-        { return at.segment<3>(3 * spring.node[0]) - at.segment<3>(3 * spring.node[1]); };
-        const Vector3d before = between(x);
-        const double l = before.norm();
-        if (!(l > 0.0))
-            continue;
-        const Vector3d n = before / l;
-        const double left = between(trial_).norm() - l - n.dot(between(part));
-        out.segment<3>(3 * spring.node[0]) -= spring.stiffness * left * n;
-        out.segment<3>(3 * spring.node[1]) += spring.stiffness * left * n;
-    }
+    springs_.add_correction(x, trial_, part, out);
     let_go_of_fast(out);
 }
 

@@ -12,6 +12,7 @@
 #include <Eigen/SparseCore>
 
 #include "solver/dynamics/articulable_object.h"
+#include "solver/dynamics/distance_springs.h"
 
 namespace cellwarp
 {
@@ -20,7 +21,6 @@ struct NetSpring
 {
     std::array<int, 2> node = {};
     double stiffness = 0.0; ///< [N/m]
-    double length = 0.0;    ///< at rest [m]
 };
 
 class SpringNet : public ArticulableObject
@@ -29,20 +29,19 @@ public:
     /// \p points [m], the \p mass of each [kg], above 0. The lengths at rest are those
     /// between the points.
     SpringNet(std::vector<Eigen::Vector3d> points, Eigen::VectorXd mass,
-              std::vector<NetSpring> springs);
+              const std::vector<NetSpring>& springs);
 
     Eigen::VectorXd x, velocity;                       ///< 3 of each point [m], [m/s]
     Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
-    double viscosity = 0.0;                            ///< of the velocity [1/s]
+    double damping = 0.0; ///< of the springs: force follows length + damping * rate [s]
 
     /// It stays where it is.
     void hold(int point) { is_fast_[idx(point)] = 1; }
 
     int num_points() const { return static_cast<int>(mass_.size()); }
     Eigen::Vector3d point(int k) const { return x.segment<3>(3 * k); }
-    const std::vector<NetSpring>& springs() const { return springs_; }
     double kinetic() const;
-    double elastic() const { return elastic(x); }
+    double elastic() const { return springs_.energy(x); }
     double mass(int k) const { return mass_[k]; }
 
     // Places are numbers of points; a point has no frame.
@@ -68,13 +67,19 @@ public:
     {
     }
     double noise_of_forces() const override;
-    double cancelled() const override { return 1e-6 * stiffest_ * size_ * size_; }
+    double cancelled() const override
+    {
+        return 1e-6 * springs_.stiffest() * size_ * size_;
+    }
     SaddleSolver::Report factorize(const Eigen::VectorXd& lambda, int& level) override;
     void take_off_contradiction(Measure&) override {}
     void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const override;
     double stiffness_of(int unknown) const override { return diagonal_[unknown]; }
     std::span<const Added> added() const override { return {}; }
-    double turn(const Eigen::VectorXd& step) const override;
+    double turn(const Eigen::VectorXd& step) const override
+    {
+        return springs_.turn(x, step);
+    }
     void try_step(const Eigen::VectorXd& step, double length) override;
     void try_more(const Eigen::VectorXd& step) override { trial_ += step; }
     void add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const override;
@@ -83,7 +88,7 @@ public:
     bool is_beyond() const override { return false; }
     void go_back() override { x = start_; }
     void start(double step) override;
-    void finish() override { velocity = (x - start_) / step_; }
+    void finish() override;
     void undo() override;
     double way() const override { return (x - start_).cwiseAbs().maxCoeff(); }
     Energy energy() const override;
@@ -91,14 +96,13 @@ public:
     void rest() override { velocity.setZero(); }
 
 private:
-    double elastic(const Eigen::VectorXd& at) const;
     double weight(const Eigen::VectorXd& at) const;
     void let_go_of_fast(Eigen::VectorXd& forces) const;
 
     Eigen::VectorXd mass_;
-    std::vector<NetSpring> springs_;
+    DistanceSprings springs_;
     std::vector<char> is_fast_; ///< points that stay
-    double size_ = 0.0, stiffest_ = 0.0;
+    double size_ = 0.0;
 
     // One step.
     double step_ = 1.0, pull_ = 1.0; ///< [s], of the mass in second derivatives [1/s^2]

@@ -55,7 +55,8 @@ struct ElasticSpans : ElasticCounts<M>
     SpanNumbers stretch_first[Counts::kMostStretch][Counts::kLegs];
     SpanNumbers stretch_weight[Counts::kMostStretch]; ///< YA W sigma [N m]
     SpanNumbers stretch_sigma[Counts::kMostStretch];
-    SpanNumbers twist_stiffness, rest_twist; ///< GJ / L [N m], [rad]
+    SpanNumbers stretch_rest[Counts::kMostStretch]; ///< strains
+    SpanNumbers twist_stiffness, rest_twist;        ///< GJ / L [N m], [rad]
     int num_stretch = 0; ///< the most of a span; others have such of no weight
     int count = 0;       ///< of spans
 };
@@ -72,6 +73,23 @@ struct ElasticPlaces : ElasticCounts<M>
     SpanNumbers force[Counts::kMostStretch]; ///< YA W sigma eps, as predicted
 };
 
+/// Strains of eight spans, or their rates.
+template <int M>
+struct ElasticStrains : ElasticCounts<M>
+{
+    using Counts = ElasticCounts<M>;
+    SpanNumbers stretch[Counts::kMostStretch];
+    SpanNumbers curvature[Counts::kInside][2]; ///< [1/m]
+    SpanNumbers twist;                         ///< [rad]
+};
+
+/// Velocities of eight spans: legs, near and far angle.
+template <int M>
+struct ElasticRates : ElasticCounts<M>
+{
+    SpanNumbers of[ElasticCounts<M>::kLegUnknowns];
+};
+
 template <int M>
 struct ElasticKernels
 {
@@ -79,9 +97,11 @@ struct ElasticKernels
     /// [J]
     void (*energy)(const ElasticKind&, const ElasticSpans<M>&, const ElasticPlaces<M>&,
                    SpanNumbers& out);
-    /// kappa_1 and kappa_2 at the bending places.
-    void (*curvatures)(const ElasticKind&, const ElasticSpans<M>&,
-                       const ElasticPlaces<M>&, SpanNumbers (*out)[2]);
+    /// \pre not is_plain
+    void (*strains)(const ElasticKind&, const ElasticSpans<M>&, const ElasticPlaces<M>&,
+                    ElasticStrains<M>& out);
+    void (*rates)(const ElasticKind&, const ElasticSpans<M>&, const ElasticPlaces<M>&,
+                  const ElasticRates<M>&, ElasticStrains<M>& out);
     /// kUnknowns numbers.
     void (*gradient)(const ElasticKind&, const ElasticSpans<M>&, const ElasticPlaces<M>&,
                      SpanNumbers* out);

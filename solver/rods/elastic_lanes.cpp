@@ -148,8 +148,7 @@ public:
         for (int k = 0; kind_.has_stretch && k < spans_.num_stretch; ++k)
         {
             const Vec u = sum(spans_.stretch_first[k]);
-            const Lanes eps =
-                square_root(dot(u, u)) / load(spans_.stretch_sigma[k], l_) - 1.0;
+            const Lanes eps = strain(k, square_root(dot(u, u)));
             out += 0.5 * load(spans_.stretch_weight[k], l_) * eps * eps;
         }
         for (int g = 0; kind_.has_bending && g < kInside; ++g)
@@ -175,14 +174,58 @@ public:
         return out;
     }
 
-    void find_curvatures(SpanNumbers (*out)[2]) const
+    void find_strains(ElasticStrains<M>& out) const
     {
+        for (int k = 0; k < spans_.num_stretch; ++k)
+        {
+            const Vec u = sum(spans_.stretch_first[k]);
+            store(out.stretch[k], l_,
+                  square_root(dot(u, u)) / load(spans_.stretch_sigma[k], l_) - 1.0);
+        }
         for (int g = 0; g < kInside; ++g)
         {
             Vec m[2];
             find_directions(g, m);
             for (int i = 0; i < 2; ++i)
-                store(out[g][i], l_, dot(K_[g], m[i]));
+                store(out.curvature[g][i], l_, dot(K_[g], m[i]));
+        }
+        store(out.twist, l_, load(places_.twist, l_));
+    }
+
+    void find_rates(const ElasticRates<M>& velocity, ElasticStrains<M>& out) const
+    {
+        const auto along = [&](const Form& form)
+        {
+            Lanes rate = {};
+            for (int n = 0; n < kLegUnknowns; ++n)
+                rate += form.v[n] * load(velocity.of[n], l_);
+            return rate;
+        };
+        for (int k = 0; k < spans_.num_stretch; ++k)
+        {
+            const Vec u = sum(spans_.stretch_first[k]);
+            Form form;
+            add_to_legs(
+                spans_.stretch_first[k],
+                (1.0 / (square_root(dot(u, u)) * load(spans_.stretch_sigma[k], l_))) * u,
+                form);
+            store(out.stretch[k], l_, along(form));
+        }
+        Pull turn;
+        add_twist(Lanes{} + 1.0, turn);
+        store(out.twist, l_, along(form_of(turn)));
+        for (int g = 0; g < kInside; ++g)
+        {
+            Vec m[2];
+            Lanes kappa[2];
+            Form bends[2], spin;
+            find_directions(g, m);
+            for (int i = 0; i < 2; ++i)
+                kappa[i] = dot(K_[g], m[i]);
+            find_bends(g, m, bends, spin);
+            for (int i = 0; i < 2; ++i)
+                store(out.curvature[g][i], l_,
+                      along(bends[i]) + (i == 0 ? kappa[1] : -kappa[0]) * along(spin));
         }
     }
 
@@ -194,8 +237,8 @@ public:
             const Lanes sigma = load(spans_.stretch_sigma[k], l_);
             const Vec u = sum(spans_.stretch_first[k]);
             const Lanes length = square_root(dot(u, u));
-            const Lanes pull = load(spans_.stretch_weight[k], l_) *
-                               (length / sigma - 1.0) / (sigma * length);
+            const Lanes pull =
+                load(spans_.stretch_weight[k], l_) * strain(k, length) / (sigma * length);
             add_to_legs(spans_.stretch_first[k], pull * u, force);
         }
         Pull pull;
@@ -256,6 +299,12 @@ protected:
         for (int j = 0; j < kLegs; ++j)
             out += load(share[j], l_) * leg_[j];
         return out;
+    }
+    /// Of a stretch place, less that at rest.
+    Lanes strain(int k, const Lanes& length) const
+    {
+        return length / load(spans_.stretch_sigma[k], l_) - 1.0 -
+               load(spans_.stretch_rest[k], l_);
     }
     void add_to_legs(const SpanNumbers* share, const Vec& force, Form& out) const
     {
@@ -363,6 +412,20 @@ protected:
         spread(pull, out);
         return out;
     }
+    /// m_i . dK, and the spin dphi, at an inner place.
+    void find_bends(int g, const Vec* m, Form* of_K, Form& spin) const
+    {
+        Pull pull;
+        add_spin(g, Lanes{} + 1.0, pull);
+        spin = form_of(pull);
+        for (int i = 0; i < 2; ++i)
+        {
+            Pull along;
+            pull_back(g, m[i], along);
+            add_to_legs(spans_.first[g + 1], along.on_u[g + 1], of_K[i]);
+            add_to_legs(spans_.second[g], along.on_w[g], of_K[i]);
+        }
+    }
 
     const ElasticKind& kind_;
     const ElasticSpans<M>& spans_;
@@ -461,7 +524,7 @@ private:
             const Vec u = sum(share);
             const Lanes length = square_root(dot(u, u));
             Lanes force = kind_.is_predicted ? load(places_.force[k], l_)
-                                             : weight * (length / sigma - 1.0);
+                                             : weight * this->strain(k, length);
             if (how != RodHessian::Exact)
                 force = larger(force, Lanes{});
             const Lanes across = force / (length * sigma);
@@ -527,16 +590,10 @@ private:
         this->find_directions(g, m);
         Lanes kappa[2], S[2];
         this->find_forces(g, m, kappa, S);
-        Pull pull;
-        this->add_spin(g, Lanes{} + 1.0, pull);
-        const Form spin = this->form_of(pull);
-        Form of_K[2];
+        Form of_K[2], spin;
+        this->find_bends(g, m, of_K, spin);
         for (int i = 0; i < 2; ++i)
         {
-            Pull along;
-            this->pull_back(g, m[i], along);
-            this->add_to_legs(spans_.first[g + 1], along.on_u[g + 1], of_K[i]);
-            this->add_to_legs(spans_.second[g], along.on_w[g], of_K[i]);
             const Lanes turn = i == 0 ? kappa[1] : -kappa[0];
             Form whole = of_K[i];
             for (int n = 0; n < kLegUnknowns; ++n)
@@ -658,11 +715,20 @@ void energy(const ElasticKind& kind, const ElasticSpans<M>& spans,
 }
 
 template <int M>
-void curvatures(const ElasticKind& kind, const ElasticSpans<M>& spans,
-                const ElasticPlaces<M>& places, SpanNumbers (*out)[2])
+void strains(const ElasticKind& kind, const ElasticSpans<M>& spans,
+             const ElasticPlaces<M>& places, ElasticStrains<M>& out)
 {
     for (int l = 0; l < spans.count; l += CELLWARP_WIDTH)
-        Spans<M>(kind, spans, places, l).find_curvatures(out);
+        Spans<M>(kind, spans, places, l).find_strains(out);
+}
+
+template <int M>
+void rates(const ElasticKind& kind, const ElasticSpans<M>& spans,
+           const ElasticPlaces<M>& places, const ElasticRates<M>& velocity,
+           ElasticStrains<M>& out)
+{
+    for (int l = 0; l < spans.count; l += CELLWARP_WIDTH)
+        Spans<M>(kind, spans, places, l).find_rates(velocity, out);
 }
 
 template <int M>
@@ -682,7 +748,7 @@ void hessian(const ElasticKind& kind, RodHessian how, const ElasticSpans<M>& spa
 }
 
 template <int M>
-constexpr ElasticKernels<M> kKernels = {energy<M>, curvatures<M>, gradient<M>,
+constexpr ElasticKernels<M> kKernels = {energy<M>, strains<M>, rates<M>, gradient<M>,
                                         hessian<M>};
 
 } // namespace

@@ -36,6 +36,12 @@
 //   d2phi
 //                       + 2 (r . dK) dphi - (S_1 kappa_1 + S_2 kappa_2) dphi^2
 // A round section that is straight at rest needs no frames: 1/2 YI |K|^2.
+//
+// Material damping. A strain e of stiffness k that loses b k / 2 (e - e_n)^2 on the way
+// from e_n in a step, b the gain, is one of stiffness k (1 + b) with the rest value
+//   (e_0 + b e_n) / (1 + b),
+// but for a constant. As the strains do not change in a rigid motion, nothing is lost in
+// one. Curvatures are by the directions of the section, for round ones as well.
 #include "solver/rods/elasticity.h"
 
 #include <algorithm>
@@ -80,6 +86,7 @@ public:
         kind_.has_stretch = parts.has_stretch;
         kind_.has_bending = parts.has_bending;
         kind_.has_twist = parts.has_twist;
+        has_energy_ = parts.has_energy;
         kind_.is_plain = rod.is_straight();
         kind_.cubes = rod.cubes_of_steps();
         std::copy_n(rod.bending_places().begin(), kInside, kind_.place);
@@ -90,7 +97,10 @@ public:
             kind_.is_plain = kind_.is_plain && is_round(e);
         if (has_rest_curvature())
             for (std::size_t k = 0; k < groups_.size(); ++k)
-                kernels_.curvatures(kind_, groups_[k], places(rest_, k), groups_[k].rest);
+            {
+                const ElasticStrains<M> rest = strains(rest_, k);
+                std::copy_n(&rest.curvature[0][0], 2 * kInside, &groups_[k].rest[0][0]);
+            }
     }
 
     void follow(const RodChange& change) override
@@ -99,6 +109,7 @@ public:
         const std::vector<Span> spans = std::move(spans_);
         rest_.follow(change, rod_.rest().controls);
         kind_.is_predicted = false;
+        damped_.clear();
         lay_out(&change, spans);
         std::vector<char> is_other(groups_.size(), 0);
         for (std::size_t e = 0; e < spans_.size(); ++e)
@@ -117,54 +128,94 @@ public:
         {
             if (!is_other[k])
                 continue;
-            SpanNumbers rest[kInside][2];
-            kernels_.curvatures(kind_, groups_[k], places(rest_, k), rest);
+            const ElasticStrains<M> rest = strains(rest_, k);
             for (std::size_t l = 0; l < idx(groups_[k].count); ++l)
                 if (!change.keeps_basis[k * kSpanLanes + l])
                     for (int g = 0; g < kInside; ++g)
                         for (const std::size_t i : {0u, 1u})
-                            groups_[k].rest[g][i].lane[l] = rest[g][i].lane[l];
+                            groups_[k].rest[g][i].lane[l] = rest.curvature[g][i].lane[l];
         }
     }
 
     double value(const RodState& state) const override
     {
-        double sum = 0.0;
-        for (std::size_t k = 0; k < groups_.size(); ++k)
-        {
-            SpanNumbers energy;
-            kernels_.energy(kind_, groups_[k], places(state, k), energy);
-            for (int l = 0; l < groups_[k].count; ++l)
-                sum += energy.lane[l];
-        }
-        return sum;
+        return has_energy_ ? value(state, kind_, groups_) : 0.0;
+    }
+
+    double step_value(const RodState& state) const override
+    {
+        return damped_.empty() ? value(state) : value(state, framed(), damped_);
     }
 
     void add_gradient(const RodState& state, Eigen::VectorXd& out) const override
     {
-        std::array<SpanNumbers, idx(kUnknowns)> force;
+        if (!is_at_work())
+            return;
+        for (std::size_t k = 0; k < groups_.size(); ++k)
+            add_gradient(state, k, kind(), groups()[k], out);
+    }
+
+    void damp(const RodState& begin, double gain) override
+    {
+        damped_.clear();
+        if (!(gain > 0.0))
+            return;
+        damped_ = groups_;
+        const double of_energy = has_energy_ ? 1.0 : 0.0, sum = of_energy + gain;
+        for (std::size_t k = 0; k < damped_.size(); ++k)
+        {
+            const ElasticStrains<M> at = strains(begin, k);
+            change(damped_[k], at,
+                   [&](double& stiffness, double& rest, double strain)
+                   {
+                       stiffness *= sum;
+                       rest = (of_energy * rest + gain * strain) / sum;
+                   });
+        }
+    }
+
+    void add_damping_forces(const RodState& state, const Eigen::VectorXd& velocity,
+                            double time, Eigen::VectorXd& out) const override
+    {
+        const ElasticKind kind = framed();
         for (std::size_t k = 0; k < groups_.size(); ++k)
         {
-            kernels_.gradient(kind_, groups_[k], places(state, k), force.data());
+            const ElasticPlaces<M> at = places(state, k, kind);
+            ElasticRates<M> moves;
             for (int l = 0; l < groups_[k].count; ++l)
             {
                 const Span& span = spans_[k * kSpanLanes + idx(l)];
-                for (int j = 0; j < M; ++j)
+                const Legs legs_move = legs(span, velocity);
+                for (int j = 0; j < kLegs; ++j)
                     for (int c = 0; c < 3; ++c)
-                        out[span.control[idx(j)] + c] += force[idx(3 * j + c)].lane[l];
+                        moves.of[3 * j + c].lane[l] = legs_move[idx(j)][c];
                 for (const int end : {0, 1})
-                    out[span.angle[idx(end)]] += force[idx(3 * M + end)].lane[l];
+                    moves.of[3 * kLegs + end].lane[l] = velocity[span.angle[idx(end)]];
             }
+            ElasticStrains<M> strains, rates;
+            kernels_.strains(kind, groups_[k], at, strains);
+            kernels_.rates(kind, groups_[k], at, moves, rates);
+            // Forces of strains that are off by what the rates make of the time.
+            ElasticSpans<M> lossy = groups_[k];
+            change(lossy, strains,
+                   [](double&, double& rest, double strain) { rest = strain; });
+            change(lossy, rates,
+                   [&](double&, double& rest, double rate) { rest -= time * rate; });
+            add_gradient(state, k, kind, lossy, out);
         }
     }
 
     void add_hessian(const RodState& state, RodHessian how,
                      BandMatrix& out) const override
     {
+        if (!is_at_work())
+            return;
         std::array<SpanNumbers, idx(kEntries)> entries;
+        const ElasticKind kind = this->kind();
         for (std::size_t k = 0; k < groups_.size(); ++k)
         {
-            kernels_.hessian(kind_, how, groups_[k], places(state, k), entries.data());
+            kernels_.hessian(kind, how, groups()[k], places(state, k, kind),
+                             entries.data());
             for (int l = 0; l < groups_[k].count; ++l)
             {
                 const Span& span = spans_[k * kSpanLanes + idx(l)];
@@ -178,13 +229,13 @@ public:
 
     void predict(const RodState& state, const Eigen::VectorXd* step) override
     {
-        kind_.is_predicted = step != nullptr && kind_.has_stretch;
+        kind_.is_predicted = step != nullptr && kind_.has_stretch && is_at_work();
         if (!kind_.is_predicted)
             return;
         force_.resize(groups_.size() * Counts::kMostStretch);
         for (std::size_t e = 0; e < spans_.size(); ++e)
         {
-            const ElasticSpans<M>& group = groups_[e / kSpanLanes];
+            const ElasticSpans<M>& group = groups()[e / kSpanLanes];
             const std::size_t l = e % kSpanLanes;
             const Legs at = legs(spans_[e], state.x()), by = legs(spans_[e], *step);
             for (int k = 0; k < group.num_stretch; ++k)
@@ -193,7 +244,7 @@ public:
                 const double length = u.norm(), sigma = group.stretch_sigma[k].lane[l];
                 force_[e / kSpanLanes * Counts::kMostStretch + idx(k)].lane[l] =
                     group.stretch_weight[k].lane[l] *
-                    (length / sigma - 1.0 +
+                    (length / sigma - 1.0 - group.stretch_rest[k].lane[l] +
                      u.dot(sum(group.stretch_first[k], l, by)) / (length * sigma));
             }
         }
@@ -202,12 +253,12 @@ public:
     void add_correction(const RodState& before, const RodState& after,
                         const Eigen::VectorXd& step, Eigen::VectorXd& out) const override
     {
-        if (!kind_.has_stretch)
+        if (!kind_.has_stretch || !is_at_work())
             return;
         for (std::size_t e = 0; e < spans_.size(); ++e)
         {
             const Span& span = spans_[e];
-            const ElasticSpans<M>& group = groups_[e / kSpanLanes];
+            const ElasticSpans<M>& group = groups()[e / kSpanLanes];
             const std::size_t l = e % kSpanLanes;
             const Legs old = legs(span, before.x()), now = legs(span, after.x()),
                        by = legs(span, step);
@@ -234,6 +285,77 @@ public:
 
 private:
     using Legs = std::array<Vector3d, idx(Counts::kLegs)>;
+
+    /// It has an energy, or damp() has made it lose some.
+    bool is_at_work() const { return has_energy_ || !damped_.empty(); }
+    ElasticKind framed() const
+    {
+        ElasticKind out = kind_;
+        out.is_plain = false;
+        return out;
+    }
+    /// What forces are made of.
+    ElasticKind kind() const { return damped_.empty() ? kind_ : framed(); }
+    const std::vector<ElasticSpans<M>>& groups() const
+    {
+        return damped_.empty() ? groups_ : damped_;
+    }
+
+    double value(const RodState& state, const ElasticKind& kind,
+                 const std::vector<ElasticSpans<M>>& groups) const
+    {
+        double sum = 0.0;
+        for (std::size_t k = 0; k < groups.size(); ++k)
+        {
+            SpanNumbers energy;
+            kernels_.energy(kind, groups[k], places(state, k, kind), energy);
+            for (int l = 0; l < groups[k].count; ++l)
+                sum += energy.lane[l];
+        }
+        return sum;
+    }
+
+    void add_gradient(const RodState& state, std::size_t k, const ElasticKind& kind,
+                      const ElasticSpans<M>& group, Eigen::VectorXd& out) const
+    {
+        std::array<SpanNumbers, idx(kUnknowns)> force;
+        kernels_.gradient(kind, group, places(state, k, kind), force.data());
+        for (int l = 0; l < group.count; ++l)
+        {
+            const Span& span = spans_[k * kSpanLanes + idx(l)];
+            for (int j = 0; j < M; ++j)
+                for (int c = 0; c < 3; ++c)
+                    out[span.control[idx(j)] + c] += force[idx(3 * j + c)].lane[l];
+            for (const int end : {0, 1})
+                out[span.angle[idx(end)]] += force[idx(3 * M + end)].lane[l];
+        }
+    }
+
+    ElasticStrains<M> strains(const RodState& state, std::size_t k) const
+    {
+        ElasticStrains<M> out;
+        kernels_.strains(framed(), groups_[k], places(state, k, framed()), out);
+        return out;
+    }
+
+    /// \p each(stiffness, strain at rest, number of \p strains) of all strains.
+    template <class Each>
+    static void change(ElasticSpans<M>& group, const ElasticStrains<M>& strains,
+                       const Each& each)
+    {
+        const auto lanes =
+            [&](SpanNumbers& stiffness, SpanNumbers& rest, const SpanNumbers& strain)
+        {
+            for (std::size_t l = 0; l < idx(group.count); ++l)
+                each(stiffness.lane[l], rest.lane[l], strain.lane[l]);
+        };
+        for (int k = 0; k < group.num_stretch; ++k)
+            lanes(group.stretch_weight[k], group.stretch_rest[k], strains.stretch[k]);
+        for (int g = 0; g < kInside; ++g)
+            for (const int i : {0, 1})
+                lanes(group.stiffness[g][i], group.rest[g][i], strains.curvature[g][i]);
+        lanes(group.twist_stiffness, group.rest_twist, strains.twist);
+    }
 
     static Legs legs(const Span& span, const Eigen::VectorXd& x)
     {
@@ -396,7 +518,8 @@ private:
         }
     }
 
-    ElasticPlaces<M> places(const RodState& state, std::size_t group) const
+    ElasticPlaces<M> places(const RodState& state, std::size_t group,
+                            const ElasticKind& kind) const
     {
         const ElasticSpans<M>& spans = groups_[group];
         ElasticPlaces<M> out;
@@ -409,7 +532,7 @@ private:
                 for (int c = 0; c < 3; ++c)
                     out.leg[j][c].lane[l] = at[idx(j)][c];
             out.twist.lane[l] = state.twist(e);
-            if (kind_.is_plain)
+            if (kind.is_plain)
                 continue;
             for (int c = 0; c < 3; ++c)
                 out.reference[c].lane[l] = state.reference(span.near)[c];
@@ -460,9 +583,11 @@ private:
     const Rod& rod_;
     RodState rest_;
     ElasticKind kind_;
+    bool has_energy_ = true;
     ElasticKernels<M> kernels_;
     std::vector<Span> spans_;
     std::vector<ElasticSpans<M>> groups_; ///< eight spans each
+    std::vector<ElasticSpans<M>> damped_; ///< in a step with losses
     std::vector<SpanNumbers> force_;      ///< as predicted, kMostStretch a group
     std::vector<Pattern> patterns_;
 };

@@ -12,6 +12,8 @@ namespace cellwarp
 struct ElasticParts
 {
     bool has_stretch = true, has_bending = true, has_twist = true;
+    /// False: the strains store nothing, but lose by RodTerm::damp().
+    bool has_energy = true;
 };
 
 /// The whole energy of a C1 rod of degree 2 or more: axial strain, curvature about both

@@ -1,117 +1,64 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// With e = P - point, d = |e| and n = e / d:
-//   U = 1/2 k (d - L)^2,   dU = k (d - L) n,   d2U = k [n n^T + (1 - L / d) (I - n n^T)]
-// A spring of no length has d2U = k I. Where d = 0 and L > 0 there is no direction: it
-// neither pulls nor pushes there.
 #include "solver/rods/point_springs.h"
 
-#include <algorithm>
 #include <utility>
+
+#include "solver/rods/springs.h"
 
 namespace cellwarp
 {
 
-namespace
+PointSprings::PointSprings(const Rod& rod, std::vector<PointSpring> springs)
+    : rod_(rod), springs_(std::move(springs))
 {
+    build();
+}
 
-class PointSprings final : public RodTerm
+void PointSprings::follow(const RodChange&)
 {
-public:
-    PointSprings(const Rod& rod, std::vector<PointSpring> springs) : rod_(rod)
-    {
-        for (PointSpring& spring : springs)
-        {
-            BasisValues values = rod.basis().values(spring.s);
-            springs_.push_back({std::move(spring), std::move(values)});
-        }
-    }
+    build();
+}
 
-    void follow(const RodChange&) override
-    {
-        for (auto& [spring, values] : springs_)
-            values = rod_.basis().values(spring.s);
-    }
+void PointSprings::build()
+{
+    distances_.clear();
+    for (const PointSpring& spring : springs_)
+        distances_.add({shares_of(rod_, rod_.basis().values(spring.s), 0),
+                        spring.size * spring.stiffness, spring.length, spring.point});
+}
 
-    double value(const RodState& state) const override
-    {
-        double sum = 0.0;
-        for (const auto& [spring, values] : springs_)
-        {
-            const double longer = way(state, spring, values).norm() - spring.length;
-            sum += 0.5 * spring.stiffness * longer * longer;
-        }
-        return sum;
-    }
+void PointSprings::set_size(std::size_t spring, double size)
+{
+    springs_[spring].size = size;
+    distances_.set_stiffness(spring, size * springs_[spring].stiffness);
+}
 
-    double stiffness() const override
-    {
-        double sum = 0.0;
-        for (const auto& [spring, values] : springs_)
-            sum += spring.stiffness;
-        return sum;
-    }
+double PointSprings::value(const RodState& state) const
+{
+    return distances_.energy(state.x());
+}
 
-    void add_gradient(const RodState& state, Eigen::VectorXd& out) const override
-    {
-        for (const auto& [spring, values] : springs_)
-        {
-            const Eigen::Vector3d e = way(state, spring, values);
-            const Eigen::Vector3d force = spring.stiffness * share(spring, e.norm()) * e;
-            for (int j = 0; j < values.count; ++j)
-                out.segment<3>(unknown(values, j)) += values.value[0][idx(j)] * force;
-        }
-    }
+double PointSprings::stiffness() const
+{
+    double sum = 0.0;
+    for (const PointSpring& spring : springs_)
+        sum += spring.stiffness;
+    return sum;
+}
 
-    void add_hessian(const RodState& state, RodHessian how,
-                     BandMatrix& out) const override
-    {
-        for (const auto& [spring, values] : springs_)
-        {
-            const Eigen::Vector3d e = way(state, spring, values);
-            const double d = e.norm();
-            double across = share(spring, d);
-            if (how != RodHessian::Exact)
-                across = std::max(across, 0.0);
-            Eigen::Matrix3d B = across * Eigen::Matrix3d::Identity();
-            if (d > 0.0)
-                B += (1.0 - across) / (d * d) * e * e.transpose();
-            for (int i = 0; i < values.count; ++i)
-                for (int j = 0; j < values.count; ++j)
-                {
-                    const int row = unknown(values, i), column = unknown(values, j);
-                    const double both = spring.stiffness * values.value[0][idx(i)] *
-                                        values.value[0][idx(j)];
-                    for (int a = 0; a < 3; ++a)
-                        for (int b = 0; b < 3; ++b)
-                            if (row + a >= column + b)
-                                out.lower(row + a, column + b) += both * B(a, b);
-                }
-        }
-    }
+void PointSprings::add_gradient(const RodState& state, Eigen::VectorXd& out) const
+{
+    distances_.add_gradient(state.x(), out);
+}
 
-private:
-    static Eigen::Vector3d way(const RodState& state, const PointSpring& spring,
-                               const BasisValues& values)
-    {
-        return state.at(values).place - spring.point;
-    }
-    /// (d - L) / d
-    static double share(const PointSpring& spring, double d)
-    {
-        return spring.length == 0.0 ? 1.0 : d > 0.0 ? 1.0 - spring.length / d : 0.0;
-    }
-    int unknown(const BasisValues& values, int j) const
-    {
-        return rod_.layout().control[idx(values.control[idx(j)])];
-    }
+void PointSprings::add_hessian(const RodState& state, RodHessian how,
+                               BandMatrix& out) const
+{
+    add_second_derivatives(distances_, state, how, out);
+}
 
-    const Rod& rod_;
-    std::vector<std::pair<PointSpring, BasisValues>> springs_;
-};
-
-} // namespace
-
-std::unique_ptr<RodTerm> point_springs(const Rod& rod, std::vector<PointSpring> springs)
+std::unique_ptr<PointSprings> point_springs(const Rod& rod,
+                                            std::vector<PointSpring> springs)
 {
     return std::make_unique<PointSprings>(rod, std::move(springs));
 }

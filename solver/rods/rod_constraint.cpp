@@ -249,6 +249,13 @@ int num_rows(HoldKind hold)
     }
 }
 
+int num_rows(const RodConstraint& c, const RodState& state)
+{
+    const bool is_gone =
+        c.slide >= 0 && state.sliding[idx(c.slide)].mode == Sliding::Mode::Gone;
+    return c.is_off || is_gone ? 0 : num_rows(c.hold);
+}
+
 std::vector<std::pair<int, double>> spin_at(const RodState& state, double s)
 {
     return spin_form(state, s, true).row(0.0).entries;
@@ -282,7 +289,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
     std::vector<ConstraintRow> rows;
     rows.reserve(3);
     const Sliding* const sliding = c.slide < 0 ? nullptr : &state.sliding[idx(c.slide)];
-    if (sliding && sliding->mode == Sliding::Mode::Gone)
+    if (num_rows(c, state) == 0)
         return rows;
     const auto linear = [&](int order, const Vector3d& n, double violation, double rate)
     {
@@ -410,10 +417,10 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
 std::vector<double> convective(const RodConstraint& c, const RodState& state,
                                const Eigen::VectorXd& velocity)
 {
-    std::vector<double> out(idx(num_rows(c.hold)), 0.0);
+    std::vector<double> out(idx(num_rows(c, state)), 0.0);
     const Sliding* const sliding = c.slide < 0 ? nullptr : &state.sliding[idx(c.slide)];
-    if (sliding && sliding->mode == Sliding::Mode::Gone)
-        return {};
+    if (out.empty())
+        return out;
     const auto speed_of = [&](const BasisValues& values, int order)
     {
         Vector3d sum = Vector3d::Zero();

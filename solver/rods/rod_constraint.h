@@ -53,6 +53,7 @@ struct RodConstraint
     /// The slide of the model (slide.h) whose place takes that of `s`; -1: none. Of
     /// Point, Plane and Axis.
     int slide = -1;
+    bool is_off = false; ///< for now it holds nothing: it has no rows
 };
 
 /// The direction of a Spin goes on from the tangent of a state, where it has come to.
@@ -62,6 +63,8 @@ void carry(RodConstraint& constraint, const RodState& state);
 std::vector<Eigen::Vector3d> held_directions(const RodConstraint& constraint);
 
 int num_rows(HoldKind hold);
+/// Those that it has at a state.
+int num_rows(const RodConstraint& constraint, const RodState& state);
 
 /// One row: how it changes with the unknowns, and by how much it is violated. Of places
 /// [m]; of directions without unit; of angles [rad].
@@ -87,7 +90,7 @@ struct HeldBasis
 /// The rows of a constraint at a state; without entries the violations alone. What a
 /// tangent or a frame differs by must be below 90 degrees. \p basis is of the
 /// constraint's places. What slides freely has its unknown behind those of the rod; what
-/// was released has no rows.
+/// was released, or is off, has no rows.
 std::vector<ConstraintRow> rows_of(const RodConstraint& constraint, const RodState& state,
                                    const HeldBasis& basis, bool with_entries = true);
 

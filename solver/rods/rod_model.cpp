@@ -45,6 +45,13 @@ void RodModel::add_constant_force(double scale, Eigen::VectorXd& out) const
     }
 }
 
+bool RodModel::is_free() const
+{
+    return gaps.empty() &&
+           std::all_of(constraints.begin(), constraints.end(),
+                       [](const RodConstraint& one) { return one.is_off; });
+}
+
 bool RodModel::has_couples() const
 {
     return std::any_of(loads.begin(), loads.end(),
@@ -69,7 +76,34 @@ double RodModel::gravity_energy(const RodState& state) const
 
 double RodModel::potential(const RodState& state) const
 {
-    double sum = elastic_energy(state);
+    return potential(state, elastic_energy(state));
+}
+
+double RodModel::step_potential(const RodState& state) const
+{
+    double sum = 0.0;
+    for (const std::unique_ptr<RodTerm>& term : terms)
+        sum += term->step_value(state);
+    return potential(state, sum);
+}
+
+void RodModel::damp(const RodState& begin, double gain)
+{
+    for (const std::unique_ptr<RodTerm>& term : terms)
+        term->damp(begin, gain);
+}
+
+void RodModel::add_damping_forces(const RodState& state, const Eigen::VectorXd& velocity,
+                                  Eigen::VectorXd& out) const
+{
+    if (damping > 0.0)
+        for (const std::unique_ptr<RodTerm>& term : terms)
+            term->add_damping_forces(state, velocity, damping, out);
+}
+
+double RodModel::potential(const RodState& state, double elastic) const
+{
+    double sum = elastic;
     if (!gravity.isZero(0.0))
         sum += gravity_energy(state);
     for (const RodLoad& load : loads)
@@ -227,8 +261,9 @@ bool RodModel::is_led() const
            std::any_of(constraints.begin(), constraints.end(),
                        [](const RodConstraint& one)
                        {
-                           return !one.point_speed.isZero(0.0) ||
-                                  !one.turning.isZero(0.0) || one.spin_speed != 0.0;
+                           return !one.is_off &&
+                                  (!one.point_speed.isZero(0.0) ||
+                                   !one.turning.isZero(0.0) || one.spin_speed != 0.0);
                        });
 }
 
@@ -298,20 +333,13 @@ RodModel::Rows RodModel::rows(const RodState& state) const
     return out;
 }
 
-int RodModel::rows_now(const RodConstraint& constraint, const RodState& state) const
-{
-    const bool is_gone = constraint.slide >= 0 &&
-                         state.sliding[idx(constraint.slide)].mode == Sliding::Mode::Gone;
-    return is_gone ? 0 : num_rows(constraint.hold);
-}
-
 Eigen::VectorXd RodModel::violations(const RodState& state) const
 {
     int count = 0;
     for (std::size_t k = 0; k < gaps.size(); ++k)
         count += state.touches[k] && ends(state, gaps[k]);
     for (const RodConstraint& constraint : constraints)
-        count += rows_now(constraint, state);
+        count += num_rows(constraint, state);
     Eigen::VectorXd out(count);
     Eigen::Index next = 0;
     for (std::size_t k = 0; k < constraints.size(); ++k)
@@ -385,7 +413,7 @@ std::vector<SlidePress> RodModel::pressed(const RodState& state,
     Eigen::Index next = 0;
     for (const RodConstraint& constraint : constraints)
     {
-        const int count = rows_now(constraint, state);
+        const int count = num_rows(constraint, state);
         if (constraint.slide >= 0 && count > 0)
         {
             const std::vector<Eigen::Vector3d> n = held_directions(constraint);

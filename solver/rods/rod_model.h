@@ -60,6 +60,7 @@ public:
     std::vector<std::unique_ptr<RodTerm>> terms;
     Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
     double viscosity = 0.0;                            ///< ambient, of the velocity [1/s]
+    double damping = 0.0; ///< of the material, beta of RodTerm [s]
     std::vector<RodLoad> loads;
     std::vector<RodDrag> drags;
     std::vector<RodConstraint> constraints;
@@ -69,7 +70,7 @@ public:
 
     std::vector<RodGap> gaps; ///< RodState::touches has one each
 
-    bool is_free() const { return constraints.empty() && gaps.empty(); }
+    bool is_free() const; ///< nothing holds it
     /// Those of the rod, and the parameter of each slide.
     int num_unknowns() const
     {
@@ -81,6 +82,10 @@ public:
     /// What the loads and gravity can still do: elastic energy less their work. Couples
     /// are not counted: they have no potential.
     double potential(const RodState& state) const;
+    /// The same, and what material damping takes in the step.
+    double step_potential(const RodState& state) const;
+    /// RodTerm::damp() of all terms.
+    void damp(const RodState& begin, double gain);
     bool has_couples() const;
     /// The couples of the loads, as forces on the unknowns.
     Eigen::VectorXd couples(const RodState& state) const;
@@ -89,6 +94,9 @@ public:
     /// out = second derivatives.
     void hessian(const RodState& state, RodHessian how, BandMatrix& out) const;
 
+    /// Adds those of material damping to the gradient.
+    void add_damping_forces(const RodState& state, const Eigen::VectorXd& velocity,
+                            Eigen::VectorXd& out) const;
     /// out += D v of the drags
     void add_drag_forces(const Eigen::VectorXd& velocity, Eigen::VectorXd& out) const;
     /// out += scale * D
@@ -143,11 +151,11 @@ public:
     Eigen::VectorXd violations(const RodState& state) const;
 
 private:
+    double potential(const RodState& state, double elastic) const;
     void add_constant_force(double scale, Eigen::VectorXd& out) const;
     const HeldBasis& held(std::size_t constraint) const;
     std::vector<ConstraintRow> rows_of_constraint(std::size_t k, const RodState& state,
                                                   bool with_entries) const;
-    int rows_now(const RodConstraint& constraint, const RodState& state) const;
 
     const Rod* rod_;
     RodMass mass_;

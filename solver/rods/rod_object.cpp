@@ -3,10 +3,13 @@
 // the drags D,
 //   1/2 (1 / step^2 + gamma / step) |x - begin|_M^2 + 1/2 |x - begin|_D^2 / step
 //   - v . M (x - begin) / step,
-// subject to g(x) = 0. The stretch force in the second derivatives is the one that the
-// last step predicted, not that of the state. Where the pivots show that the matrix is
-// not definite on what the constraints leave free, pushing stretch forces count as none,
-// then all curvature is left out, then a share of the mass is added.
+// subject to g(x) = 0. Material damping beta adds 1/2 (beta / step) k (e - begin)^2 for
+// each strain e. Implicit Euler damps an oscillation of omega by step omega^2 / 2, as a
+// material with beta = step does: there beta - step takes the place of beta. The stretch
+// force in the second derivatives is the one that the last step predicted, not that of
+// the state. Where the pivots show that the matrix is not definite on what the
+// constraints leave free, pushing stretch forces count as none, then all curvature is
+// left out, then a share of the mass is added.
 //
 // Constraints that contradict are met in the sense of least squares: of the violations g
 // no step removes the part r with L^T r = 0, L their rows; what is solved for is g - r =
@@ -109,6 +112,7 @@ void RodObject::start(double step)
     if (is_midpoint_)
         model_.load_as_at(time_led_ + 0.5 * step); // forces are those of the middle
     pull_ = model_.viscosity / step_ + 1.0 / (step_ * step_);
+    gain_ = std::max(model_.damping - (is_midpoint_ ? 0.0 : step_), 0.0) / step_;
     velocity_before_ = *velocity_;
     momentum_ = model_.mass().times(*velocity_) / step_;
     for (std::size_t k = 0; k < model_.slides.size(); ++k)
@@ -126,6 +130,7 @@ void RodObject::prepare()
         size_up();
     model_.carry(*state_);
     start_ = *state_;
+    model_.damp(*state_, gain_);
     double of_mass = 0.0;
     if (is_moving())
     {
@@ -134,7 +139,7 @@ void RodObject::prepare()
             of_mass += drag.damping / step_;
     }
     extent_ = std::max(size(), state_->x().cwiseAbs().maxCoeff());
-    noise_of_forces_ = 8.0 * kRounding * (stiffness_ + of_mass) * extent_;
+    noise_of_forces_ = 8.0 * kRounding * ((1.0 + gain_) * stiffness_ + of_mass) * extent_;
     for (const Sliding& now : state_->sliding)
         noise_of_forces_ += 8.0 * kRounding * std::abs(now.weight * now.s);
     pressed_by_joints_.assign(model_.slides.size(), Vector3d::Zero());
@@ -143,6 +148,7 @@ void RodObject::prepare()
 
 void RodObject::finish()
 {
+    model_.damp(*state_, 0.0);
     *velocity_ = (state_->x() - start_->x()) / step_;
     if (!is_midpoint_)
     {
@@ -169,6 +175,7 @@ void RodObject::hold_velocity()
 
 void RodObject::undo()
 {
+    model_.damp(*start_, 0.0);
     *state_ = *start_;
     *velocity_ = velocity_before_;
     model_.lead_to(time_led_);
@@ -282,7 +289,7 @@ RodState RodObject::end_of(const RodState& at) const
 void RodObject::measure(bool of_trial, Measure& out)
 {
     const RodState& at = state(of_trial);
-    out.value = model_.potential(at) + model_.sliding_energy(at);
+    out.value = model_.step_potential(at) + model_.sliding_energy(at);
     Eigen::VectorXd& held = of_trial ? held_there_ : held_here_;
     if (is_moving())
     {
@@ -296,6 +303,7 @@ void RodObject::measure(bool of_trial, Measure& out)
     out.work = of_trial && couples_.size() > 0
                    ? 0.5 * (couples_ + model_.couples(at)).dot(at.x() - state_->x())
                    : 0.0;
+    out.violation.resize(0);
     if (model_.is_free())
         return;
     out.violation = is_midpoint() ? model_.violations(end_of(at)) : model_.violations(at);
@@ -335,7 +343,7 @@ void RodObject::add_own_forces(const Eigen::VectorXd& lambda, double scale,
 
 double RodObject::cancelled() const
 {
-    double sum = 1e-6 * stiffness_ * size() * size();
+    double sum = 1e-6 * (1.0 + gain_) * stiffness_ * size() * size();
     for (const Sliding& now : state_->sliding)
         sum += std::abs(now.weight * now.s * (now.s - now.from));
     for (const std::unique_ptr<RodTerm>& term : model_.terms)

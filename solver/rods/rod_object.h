@@ -116,6 +116,7 @@ private:
     bool is_midpoint_ = false;
     double step_ = 0.0;     ///< 0: of an equilibrium; of the midpoint rule half [s]
     double time_led_ = 0.0; ///< of the model at the begin [s]
+    double gain_ = 0.0;     ///< of material damping in the step
     Eigen::VectorXd velocity_before_;
     std::optional<RodResponse> response_; ///< of the midpoint rule
     double pull_ = 0.0;                   ///< of the mass, in second derivatives [1/s^2]

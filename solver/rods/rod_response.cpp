@@ -55,6 +55,11 @@ RodResponse::RodResponse(const RodModel& model, const RodModel::Rows& of, int mo
 {
     const Eigen::Index k = static_cast<Eigen::Index>(rows_.size());
     const RodLayout& layout = model.rod().layout();
+    if (k == 0)
+    {
+        moved_.setZero(num_unknowns_, 0);
+        return;
+    }
     if (k > most_dense)
     {
         BandMatrix M(layout.num_unknowns, layout.half_band);
@@ -72,7 +77,7 @@ RodResponse::RodResponse(const RodModel& model, const RodModel::Rows& of, int mo
     constexpr double kRedundant = 1e-10;
     factor_.compute(S);
     const Eigen::VectorXd pivots = factor_.vectorD();
-    if (k > 0 && pivots.minCoeff() > kRedundant * pivots.maxCoeff())
+    if (pivots.minCoeff() > kRedundant * pivots.maxCoeff())
         return;
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
     decomposition.setThreshold(kRedundant);
@@ -126,6 +131,8 @@ Eigen::VectorXd RodResponse::along(const Eigen::VectorXd& v) const
 
 Eigen::VectorXd RodResponse::forces(const Eigen::VectorXd& wanted) const
 {
+    if (rows_.empty())
+        return wanted;
     if (band_)
     {
         Eigen::VectorXd x = Eigen::VectorXd::Zero(num_unknowns_), g = -wanted;

@@ -120,8 +120,16 @@ double RodStepper::largest_step(const RodState& state) const
         largest = now;
     }
     const double omega = std::sqrt(std::max(largest, 0.0));
-    constexpr double kLimit = 2.785;
-    double step = omega > 0.0 ? kLimit / omega : 1e300;
+    // What is damped by zeta leaves the stable region by the least radius of that to the
+    // left, or along the real axis.
+    constexpr double kLimit = 2.785, kLeast = 2.62;
+    const double zeta = 0.5 * model_.damping * omega;
+    double step = 1e300;
+    if (omega > 0.0)
+        step = (zeta == 0.0   ? kLimit
+                : zeta <= 1.0 ? kLeast
+                              : kLimit / (zeta + std::sqrt(zeta * zeta - 1.0))) /
+               omega;
     // How fast what is slowed comes to rest: of the drags no faster than by their sum.
     double rate = model_.viscosity;
     for (const RodDrag& drag : model_.drags)
@@ -220,6 +228,7 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
     const Eigen::VectorXd v = velocity.head(of_rod);
     Eigen::VectorXd force;
     model_.gradient(state, force);
+    model_.add_damping_forces(state, v, force);
     model_.add_drag_forces(v, force);
     Eigen::VectorXd A = Eigen::VectorXd::Zero(velocity.size());
     A.head(of_rod) = model_.mass().solved(-force) - model_.viscosity * v;

@@ -30,6 +30,29 @@ public:
     virtual void add_hessian(const RodState& state, RodHessian how,
                              BandMatrix& out) const = 0;
 
+    // Material damping: a strain e of stiffness k has the stress k (e + beta e'), e' its
+    // rate.
+
+    /// From here on step_value(), gradients and second derivatives have
+    /// 1/2 gain k (e - e(\p begin))^2 beside the energy, but for a constant in the value;
+    /// with \p gain 0 they do not.
+    virtual void damp(const RodState& begin, double gain)
+    {
+        static_cast<void>(begin);
+        static_cast<void>(gain);
+    }
+    virtual double step_value(const RodState& state) const { return value(state); }
+    /// Adds the sum of \p time k e' grad e, the rates of \p velocity, to the gradient.
+    virtual void add_damping_forces(const RodState& state,
+                                    const Eigen::VectorXd& velocity, double time,
+                                    Eigen::VectorXd& out) const
+    {
+        static_cast<void>(state);
+        static_cast<void>(velocity);
+        static_cast<void>(time);
+        static_cast<void>(out);
+    }
+
     // Slender rods are so much stiffer along themselves than across that the stretch
     // force of a state on the way to equilibrium is noise. Newton's method asks for the
     // force that its last step leads to, to first order, instead.

@@ -124,37 +124,28 @@ SplineSheet::SplineSheet(const SheetShape& of) : order_(of.sides.size())
     add_springs(shape);
 }
 
-SplineSheet::Weights SplineSheet::weights(const SheetPlace& place,
-                                          const Orders& orders) const
+PointShares SplineSheet::weights(const SheetPlace& place, const Orders& orders) const
 {
-    Weights out = {{0, 1.0}};
+    PointShares out = {{0, 1.0}};
     int stride = 1;
     for (std::size_t a = 0; a < bases_.size(); ++a)
     {
         const SplineBasis& basis = bases_[a];
         const double length = basis.end() - basis.begin();
         const BasisValues values = basis.values(basis.begin() + place[a] * length);
-        Weights next;
+        PointShares next;
         for (int j = 0; j < values.count; ++j)
             for (const auto& [control, share] : out)
                 if (const double value = values.value[orders[a]][idx(j)] *
                                          std::pow(length, static_cast<double>(orders[a]));
                     value != 0.0)
-                    next.emplace_back(control + stride * values.control[idx(j)],
+                    next.emplace_back(control + 3 * stride * values.control[idx(j)],
                                       share * value);
         out = std::move(next);
         stride *= basis.num_controls();
     }
     std::sort(out.begin(), out.end());
     return out;
-}
-
-Vector3d SplineSheet::at(const Weights& weights, const Eigen::VectorXd& x)
-{
-    Vector3d sum = Vector3d::Zero();
-    for (const auto& [control, share] : weights)
-        sum += share * x.segment<3>(3 * control);
-    return sum;
 }
 
 void SplineSheet::add_springs(const SheetShape& shape)
@@ -229,15 +220,10 @@ void SplineSheet::add_springs(const SheetShape& shape)
                 }
     for (const auto& [ends, k] : stiffness)
     {
-        Spring spring;
-        spring.way = weights(place(ends.second));
-        for (const auto& [control, share] : weights(place(ends.first)))
-            spring.way.emplace_back(control, -share);
-        sort_and_add_up(spring.way);
-        spring.length = at(spring.way, x).norm();
-        spring.stiffness = k;
-        stiffest_ = std::max(stiffest_, k);
-        springs_.push_back(std::move(spring));
+        DistanceSpring spring{
+            way_between(weights(place(ends.first)), weights(place(ends.second))), k};
+        spring.length = along(spring.way, x).norm();
+        springs_.add(std::move(spring));
     }
 }
 
@@ -373,8 +359,8 @@ int SplineSheet::add_place(const SheetPlace& place)
 
 void SplineSheet::fix(const SheetPlace& place)
 {
-    Weights at = weights(ordered(place));
-    const Vector3d point = SplineSheet::at(at, x);
+    PointShares at = weights(ordered(place));
+    const Vector3d point = along(at, x);
     fixed_.push_back({std::move(at), point});
 }
 
@@ -389,7 +375,8 @@ void SplineSheet::slide_over(const Vector3d& point)
         for (int j = 0; j <= kTries; ++j)
         {
             const SheetPlace place = {double(i) / kTries, double(j) / kTries, 0.0};
-            if (const double away = (at(weights(place), x) - point).norm(); away < least)
+            if (const double away = (along(weights(place), x) - point).norm();
+                away < least)
             {
                 least = away;
                 slide.foot = place;
@@ -401,14 +388,14 @@ void SplineSheet::slide_over(const Vector3d& point)
 
 Vector3d SplineSheet::place(int place, bool of_trial) const
 {
-    return at(places_[idx(place)], of_trial ? trial_ : x);
+    return along(places_[idx(place)], of_trial ? trial_ : x);
 }
 
 void SplineSheet::add_moved(int place, const Vector3d& n, SparseRow& out) const
 {
     for (const auto& [control, share] : places_[idx(place)])
         for (int c = 0; c < 3; ++c)
-            out.emplace_back(3 * control + c, share * n[c]);
+            out.emplace_back(control + c, share * n[c]);
 }
 
 Vector3d SplineSheet::seek(const Eigen::VectorXd& x_at, const Vector3d& point,
@@ -418,9 +405,9 @@ Vector3d SplineSheet::seek(const Eigen::VectorXd& x_at, const Vector3d& point,
     constexpr int kSteps = 30;
     for (int step = 0; step < kSteps; ++step)
     {
-        const Vector3d off = at(weights(foot), x_at) - point,
-                       u = at(weights(foot, {1, 0, 0}), x_at),
-                       v = at(weights(foot, {0, 1, 0}), x_at);
+        const Vector3d off = along(weights(foot), x_at) - point,
+                       u = along(weights(foot, {1, 0, 0}), x_at),
+                       v = along(weights(foot, {0, 1, 0}), x_at);
         normal = u.cross(v).normalized();
         // Gauss-Newton, within the sides.
         Eigen::Matrix2d A;
@@ -459,7 +446,7 @@ Eigen::VectorXd SplineSheet::violations(const Eigen::VectorXd& x_at) const
     Eigen::Index row = 0;
     for (const Fixed& fixed : fixed_)
     {
-        out.segment<3>(row) = at(fixed.at, x_at) - fixed.point;
+        out.segment<3>(row) = along(fixed.at, x_at) - fixed.point;
         row += 3;
     }
     for (const Slide& slide : slides_)
@@ -468,7 +455,7 @@ Eigen::VectorXd SplineSheet::violations(const Eigen::VectorXd& x_at) const
             continue;
         SheetPlace foot = slide.foot;
         const Vector3d normal = seek(x_at, slide.point, foot);
-        out[row++] = normal.dot(at(weights(foot), x_at) - slide.point);
+        out[row++] = normal.dot(along(weights(foot), x_at) - slide.point);
     }
     return out;
 }
@@ -481,17 +468,6 @@ double SplineSheet::own_violation() const
 
 // Energy.
 
-double SplineSheet::elastic(const Eigen::VectorXd& x_at) const
-{
-    double sum = 0.0;
-    for (const Spring& spring : springs_)
-    {
-        const double longer = at(spring.way, x_at).norm() - spring.length;
-        sum += 0.5 * spring.stiffness * longer * longer;
-    }
-    return sum;
-}
-
 double SplineSheet::weight(const Eigen::VectorXd& x_at) const
 {
     double sum = 0.0;
@@ -502,7 +478,7 @@ double SplineSheet::weight(const Eigen::VectorXd& x_at) const
 
 ArticulableObject::Energy SplineSheet::energy() const
 {
-    const double moving = kinetic(), stretched = elastic(x);
+    const double moving = kinetic(), stretched = elastic();
     return {moving + stretched + weight(x), moving + stretched};
 }
 
@@ -514,6 +490,8 @@ void SplineSheet::start(double step)
     pull_ = 1.0 / (step * step) + viscosity / step;
     start_ = x;
     velocity_before_ = velocity;
+    // Implicit Euler damps as a material with damping = step does.
+    springs_.damp(x, std::max(damping - step, 0.0) / step);
     momentum_ = times_mass(velocity) / step;
     slides_before_ = slides_;
 }
@@ -521,6 +499,7 @@ void SplineSheet::start(double step)
 void SplineSheet::finish()
 {
     velocity = (x - start_) / step_;
+    springs_.damp(x, 0.0);
     for (Slide& slide : slides_)
     {
         seek(x, slide.point, slide.foot);
@@ -532,7 +511,7 @@ bool SplineSheet::is_off(const Slide& slide, double share) const
 {
     SheetPlace foot = slide.foot;
     const Vector3d normal = seek(x, slide.point, foot),
-                   off = at(weights(foot), x) - slide.point;
+                   off = along(weights(foot), x) - slide.point;
     return (off - normal.dot(off) * normal).norm() > share * size_;
 }
 
@@ -557,6 +536,7 @@ ArticulableObject::Again SplineSheet::again(const Eigen::VectorXd&, bool)
 
 void SplineSheet::undo()
 {
+    springs_.damp(start_, 0.0);
     slides_ = slides_before_;
     x = start_;
     velocity = velocity_before_;
@@ -566,8 +546,8 @@ void SplineSheet::measure(bool of_trial, Measure& out)
 {
     const Eigen::VectorXd& x_at = of_trial ? trial_ : x;
     const Eigen::VectorXd way = x_at - start_;
-    out.value = elastic(x_at) + weight(x_at) + 0.5 * pull_ * way.dot(times_mass(way)) -
-                momentum_.dot(way);
+    out.value = springs_.step_energy(x_at) + weight(x_at) +
+                0.5 * pull_ * way.dot(times_mass(way)) - momentum_.dot(way);
     out.violation = violations(x_at);
     if (contradiction_.size() == out.violation.size())
         out.violation -= contradiction_;
@@ -580,25 +560,15 @@ double SplineSheet::linearise(Eigen::VectorXd& gradient, Measure& here)
     for (int k = 0; k < num_controls(); ++k)
         gradient.segment<3>(3 * k) -= weights_[3 * k] * gravity;
     at_work = std::max(at_work, weights_.maxCoeff() * gravity.norm());
-    for (const Spring& spring : springs_)
-    {
-        const Vector3d way = at(spring.way, x);
-        const double l = way.norm();
-        if (!(l > 0.0))
-            continue;
-        const Vector3d force = spring.stiffness * (l - spring.length) / l * way;
-        at_work = std::max(at_work, force.norm());
-        for (const auto& [control, share] : spring.way)
-            gradient.segment<3>(3 * control) += share * force;
-    }
+    at_work = std::max(at_work, springs_.add_gradient(x, gradient));
     rows_.clear();
-    const auto add_row = [&](const Weights& weights, const Vector3d& n)
+    const auto add_row = [&](const PointShares& weights, const Vector3d& n)
     {
         SparseRow& row = rows_.emplace_back();
         for (const auto& [control, share] : weights)
             for (int c = 0; c < 3; ++c)
                 if (share * n[c] != 0.0)
-                    row.emplace_back(3 * control + c, share * n[c]);
+                    row.emplace_back(control + c, share * n[c]);
     };
     for (const Fixed& fixed : fixed_)
         for (int c = 0; c < 3; ++c)
@@ -630,22 +600,23 @@ void SplineSheet::take_off_contradiction(Measure& here)
 
 double SplineSheet::noise_of_forces() const
 {
-    return 8.0 * kRounding * (stiffest_ + pull_ * weights_.maxCoeff()) * extent();
+    return 8.0 * kRounding * (springs_.stiffest() + pull_ * weights_.maxCoeff()) *
+           extent();
 }
 
 /// Takes pressed * d2d off the matrix.
 void SplineSheet::add_curvature(const Slide& slide, double pressed)
 {
-    const Weights all = weights(slide.foot);
-    const std::array<Weights, 2> derived = {weights(slide.foot, {1, 0, 0}),
-                                            weights(slide.foot, {0, 1, 0})};
-    const Vector3d u = at(derived[0], x), v = at(derived[1], x),
+    const PointShares all = weights(slide.foot);
+    const std::array<PointShares, 2> derived = {weights(slide.foot, {1, 0, 0}),
+                                                weights(slide.foot, {0, 1, 0})};
+    const Vector3d u = along(derived[0], x), v = along(derived[1], x),
                    normal = u.cross(v).normalized();
     Eigen::Matrix2d A, bends;
     A << u.dot(u), u.dot(v), u.dot(v), v.dot(v);
-    const double mixed = normal.dot(at(weights(slide.foot, {1, 1, 0}), x));
-    bends << normal.dot(at(weights(slide.foot, {2, 0, 0}), x)), mixed, mixed,
-        normal.dot(at(weights(slide.foot, {0, 2, 0}), x));
+    const double mixed = normal.dot(along(weights(slide.foot, {1, 1, 0}), x));
+    bends << normal.dot(along(weights(slide.foot, {2, 0, 0}), x)), mixed, mixed,
+        normal.dot(along(weights(slide.foot, {0, 2, 0}), x));
     Eigen::Matrix<double, 3, 2> S;
     S << u, v;
     const Eigen::Matrix<double, 2, 3> to_foot = -A.inverse() * S.transpose();
@@ -658,12 +629,12 @@ void SplineSheet::add_curvature(const Slide& slide, double pressed)
     std::vector<Entry> entries;
     for (const auto& [control, share] : all)
         for (int c = 0; c < 3; ++c)
-            entries.push_back({3 * control + c, share * to_foot.col(c), {0.0, 0.0}});
+            entries.push_back({control + c, share * to_foot.col(c), {0.0, 0.0}});
     for (const std::size_t a : {0u, 1u})
         for (const auto& [control, share] : derived[a])
         {
             const auto at_control = std::find_if(entries.begin(), entries.end(),
-                                                 [first = 3 * control](const Entry& one)
+                                                 [first = control](const Entry& one)
                                                  { return one.unknown == first; });
             for (int c = 0; c < 3 && at_control != entries.end(); ++c)
                 (at_control + c)->turned[static_cast<Eigen::Index>(a)] =
@@ -693,24 +664,17 @@ SaddleSolver::Report SplineSheet::factorize(const Eigen::VectorXd& lambda, int& 
             for (int i = j; i <= std::min(j + matrix_.half_band(), matrix_.rows() - 1);
                  ++i)
                 matrix_.lower(i, j) *= share;
-        for (const Spring& spring : springs_)
-        {
-            const Vector3d way = at(spring.way, x);
-            const double l = way.norm();
-            const Vector3d n = l > 0.0 ? Vector3d(way / l) : Vector3d::UnitX();
-            const double tension = l > 0.0 ? 1.0 - spring.length / l : 0.0;
-            const double across = level == 0 ? tension : std::max(tension, 0.0);
-            const Eigen::Matrix3d K =
-                spring.stiffness * (across * Eigen::Matrix3d::Identity() +
-                                    (1.0 - across) * n * n.transpose());
-            for (const auto& [row, of_row] : spring.way)
-                for (const auto& [column, of_column] : spring.way)
-                    for (int a = 0; a < 3; ++a)
-                        for (int b = 0; b < 3; ++b)
-                            if (3 * row + a >= 3 * column + b)
-                                matrix_.lower(3 * row + a, 3 * column + b) +=
-                                    of_row * of_column * K(a, b);
-        }
+        springs_.for_each_block(x,
+                                level == 0 ? DistanceSprings::Curvature::Exact
+                                           : DistanceSprings::Curvature::WithoutPushes,
+                                [&](int first, int column, const Eigen::Matrix3d& B)
+                                {
+                                    for (int a = 0; a < 3; ++a)
+                                        for (int b = 0; b < 3; ++b)
+                                            if (first + a >= column + b)
+                                                matrix_.lower(first + a, column + b) +=
+                                                    B(a, b);
+                                });
         Eigen::Index row = static_cast<Eigen::Index>(3 * fixed_.size());
         for (const Slide& slide : slides_)
             if (level == 0 && !slide.has_left)
@@ -718,37 +682,6 @@ SaddleSolver::Report SplineSheet::factorize(const Eigen::VectorXd& lambda, int& 
         const SaddleSolver::Report told = saddle_.factorize(matrix_, rows_, groups);
         if (!told.is_finite || told.num_negative == 0 || level >= kMostLevel)
             return told;
-    }
-}
-
-double SplineSheet::turn(const Eigen::VectorXd& step) const
-{
-    double turn = 0.0;
-    for (const Spring& spring : springs_)
-    {
-        const Vector3d way = at(spring.way, x), change = at(spring.way, step);
-        const double l = std::max(way.norm(), 0.1 * spring.length);
-        const Vector3d across =
-            change - way * way.dot(change) / std::max(way.squaredNorm(), 1e-300);
-        turn = std::max(turn, across.norm() / l);
-    }
-    return turn;
-}
-
-/// What is left of a spring's length by its curvature along the step.
-void SplineSheet::add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const
-{
-    for (const Spring& spring : springs_)
-    {
-        const Vector3d before = at(spring.way, x);
-        const double l = before.norm();
-        if (!(l > 0.0))
-            continue;
-        const Vector3d n = before / l;
-        const double left =
-            at(spring.way, trial_).norm() - l - n.dot(at(spring.way, part));
-        for (const auto& [control, share] : spring.way)
-            out.segment<3>(3 * control) -= share * spring.stiffness * left * n;
     }
 }
 

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "solver/dynamics/articulable_object.h"
+#include "solver/dynamics/distance_springs.h"
 #include "solver/rods/spline_basis.h"
 
 namespace cellwarp
@@ -40,6 +41,7 @@ public:
     Eigen::VectorXd x, velocity;                       ///< 3 of each control point
     Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
     double viscosity = 0.0;                            ///< of the velocity [1/s]
+    double damping = 0.0; ///< of the springs: force follows length + damping * rate [s]
 
     /// A number for joints.
     int add_place(const SheetPlace& place);
@@ -53,7 +55,7 @@ public:
     int num_controls() const { return static_cast<int>(x.size() / 3); }
     Eigen::Vector3d at(const SheetPlace& place) const
     {
-        return at(weights(ordered(place)), x);
+        return along(weights(ordered(place)), x);
     }
     /// Shares where it slides.
     SheetPlace sliding(std::size_t k) const;
@@ -66,7 +68,7 @@ public:
     Eigen::VectorXd solved_mass(const Eigen::VectorXd& f) const;
     double mass() const { return mass_; } ///< [kg]
     double kinetic() const { return 0.5 * velocity.dot(times_mass(velocity)); }
-    double elastic() const { return elastic(x); }
+    double elastic() const { return springs_.energy(x); }
     double weight_energy() const { return weight(x); }
     Eigen::Vector3d momentum() const;
     Eigen::Vector3d angular_momentum() const; ///< about the origin
@@ -92,7 +94,10 @@ public:
     void add_own_forces(const Eigen::VectorXd& lambda, double scale,
                         Eigen::VectorXd& out) const override;
     double noise_of_forces() const override;
-    double cancelled() const override { return 1e-6 * stiffest_ * size_ * size_; }
+    double cancelled() const override
+    {
+        return 1e-6 * springs_.stiffest() * size_ * size_;
+    }
     SaddleSolver::Report factorize(const Eigen::VectorXd& lambda, int& level) override;
     void take_off_contradiction(Measure& here) override;
     void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const override
@@ -104,13 +109,19 @@ public:
         return matrix_.lower(unknown, unknown);
     }
     std::span<const Added> added() const override { return {}; }
-    double turn(const Eigen::VectorXd& step) const override;
+    double turn(const Eigen::VectorXd& step) const override
+    {
+        return springs_.turn(x, step);
+    }
     void try_step(const Eigen::VectorXd& step, double length) override
     {
         trial_ = x + length * step;
     }
     void try_more(const Eigen::VectorXd& step) override { trial_ += step; }
-    void add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const override;
+    void add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const override
+    {
+        springs_.add_correction(x, trial_, part, out);
+    }
     void accept(const Eigen::VectorXd*) override { x = trial_; }
     Again again(const Eigen::VectorXd&, bool) override;
     bool is_beyond() const override;
@@ -124,16 +135,9 @@ public:
     void rest() override { velocity.setZero(); }
 
 private:
-    /// Shares of control points, ascending.
-    using Weights = std::vector<std::pair<int, double>>;
-    struct Spring
-    {
-        Weights way; ///< from one sample to the other
-        double stiffness = 0.0, length = 0.0;
-    };
     struct Fixed
     {
-        Weights at;
+        PointShares at;
         Eigen::Vector3d point;
     };
     struct Slide
@@ -147,14 +151,12 @@ private:
     SheetPlace ordered(const SheetPlace& place) const;
     /// How often derived along each side.
     using Orders = std::array<std::size_t, 3>;
-    Weights weights(const SheetPlace& place, const Orders& orders = {}) const;
-    static Eigen::Vector3d at(const Weights& weights, const Eigen::VectorXd& x);
+    PointShares weights(const SheetPlace& place, const Orders& orders = {}) const;
     void add_springs(const SheetShape& shape);
     void add_curvature(const Slide& slide, double pressed);
     void find_mass();
     template <class Each>
     Eigen::VectorXd along_each_index(const Eigen::VectorXd& v, const Each& each) const;
-    double elastic(const Eigen::VectorXd& at) const;
     double weight(const Eigen::VectorXd& at) const;
     /// Where a sheet is nearest to a point, from \p foot on, and its normal there.
     Eigen::Vector3d seek(const Eigen::VectorXd& at, const Eigen::Vector3d& point,
@@ -167,10 +169,10 @@ private:
     std::vector<SplineBasis> bases_;
     std::vector<Eigen::MatrixXd> masses_; ///< of each index alone, their sums 1
     std::vector<Eigen::LLT<Eigen::MatrixXd>> mass_factors_;
-    double mass_ = 0.0, size_ = 0.0, stiffest_ = 0.0;
+    double mass_ = 0.0, size_ = 0.0;
     Eigen::VectorXd weights_; ///< of each control point, of the mass
-    std::vector<Spring> springs_;
-    std::vector<Weights> places_;
+    DistanceSprings springs_;
+    std::vector<PointShares> places_;
     std::vector<Fixed> fixed_;
     std::vector<Slide> slides_, slides_before_;
 

@@ -51,17 +51,9 @@ public:
                         const Eigen::VectorXd& step, Eigen::VectorXd& out) const override;
 
 private:
-    /// (first unknown of a control point, its share).
-    using Way = std::vector<std::pair<int, double>>;
-    struct Distance
-    {
-        Way way;
-        double stiffness = 0.0, rest = 0.0; ///< [N/m], [m]
-        double force = 0.0;                 ///< as predicted [N]
-    };
     struct Angle
     {
-        Way a, b;
+        PointShares a, b;
         double stiffness = 0.0; ///< [N m]
     };
     /// Both ways of an angle.
@@ -75,49 +67,18 @@ private:
     };
 
     void build();
-    void add_stretch(const RodState& rest, Way way, double length,
+    void add_stretch(const RodState& rest, PointShares way, double length,
                      const Section& section);
-    void add_bending(const std::vector<Way>& halves);
-    Way way(const BasisValues& values, int order) const;
-    Way way(const BasisValues& from, const BasisValues& to) const;
-    static Vector3d along(const Way& way, const Eigen::VectorXd& x);
+    void add_bending(const std::vector<PointShares>& halves);
     static Corner corner(const Angle& angle, const Eigen::VectorXd& x);
-    static void pull(const Way& way, const Vector3d& force, Eigen::VectorXd& out);
-    static void add_block(const Way& a, const Way& b, const Matrix3d& B, BandMatrix& out);
+    static void add_block(const PointShares& a, const PointShares& b, const Matrix3d& B,
+                          BandMatrix& out);
 
     const Rod& rod_;
     bool bends_;
-    std::vector<Distance> distances_;
+    DistanceSprings distances_;
     std::vector<Angle> angles_;
-    bool is_predicted_ = false; ///< the forces of the distances
 };
-
-/// A derivative of the curve.
-Springs::Way Springs::way(const BasisValues& values, int order) const
-{
-    Way way;
-    for (int j = 0; j < values.count; ++j)
-        if (const double share = values.value[idx(order)][idx(j)]; share != 0.0)
-            way.emplace_back(rod_.layout().control[idx(values.control[idx(j)])], share);
-    return way;
-}
-
-/// From one place of the curve to another.
-Springs::Way Springs::way(const BasisValues& from, const BasisValues& to) const
-{
-    Way way = this->way(to, 0);
-    for (const auto& entry : this->way(from, 0))
-    {
-        const auto same =
-            std::find_if(way.begin(), way.end(),
-                         [&](const auto& other) { return other.first == entry.first; });
-        if (same == way.end())
-            way.emplace_back(entry.first, -entry.second);
-        else
-            same->second -= entry.second;
-    }
-    return way;
-}
 
 Springs::Springs(const Rod& rod, bool bends) : rod_(rod), bends_(bends)
 {
@@ -131,7 +92,7 @@ void Springs::follow(const RodChange&)
 {
     distances_.clear();
     angles_.clear();
-    is_predicted_ = false;
+    distances_.predict({}, nullptr);
     build();
 }
 
@@ -139,19 +100,20 @@ void Springs::build()
 {
     const Rod& rod = rod_;
     const RodState rest(rod);
-    std::vector<Way> halves;
+    std::vector<PointShares> halves;
     for (std::size_t e = 0; e < rod.spans().size(); ++e)
     {
         const RodSpan& span = rod.spans()[e];
         const double middle = 0.5 * (span.begin + span.end);
-        std::vector<BasisValues> values;
+        std::vector<PointShares> values;
         for (const double s : {span.begin, middle, span.end})
-            values.push_back(rod.basis().values_in(static_cast<int>(e), s));
-        halves.push_back(way(values[0], values[1]));
-        halves.push_back(way(values[1], values[2]));
+            values.push_back(
+                shares_of(rod, rod.basis().values_in(static_cast<int>(e), s), 0));
+        halves.push_back(way_between(values[0], values[1]));
+        halves.push_back(way_between(values[1], values[2]));
         if (span.is_smooth[0] && span.is_smooth[1])
         {
-            add_stretch(rest, way(values[0], values[2]), span.length,
+            add_stretch(rest, way_between(values[0], values[2]), span.length,
                         rod.section_at(middle));
             continue;
         }
@@ -166,26 +128,23 @@ void Springs::build()
 }
 
 /// \p length: at rest, if the rod is to be straight there.
-void Springs::add_stretch(const RodState& rest, Way way, double length,
+void Springs::add_stretch(const RodState& rest, PointShares way, double length,
                           const Section& section)
 {
-    Distance spring;
-    spring.rest =
+    const double at_rest =
         rod_.settings().rest == RodRest::Given ? along(way, rest.x()).norm() : length;
-    spring.stiffness = section.stretch / spring.rest;
-    spring.way = std::move(way);
-    distances_.push_back(std::move(spring));
+    distances_.add({std::move(way), section.stretch / at_rest, at_rest});
 }
 
 /// \p halves: two a span.
-void Springs::add_bending(const std::vector<Way>& halves)
+void Springs::add_bending(const std::vector<PointShares>& halves)
 {
     const std::span<const RodSpan> spans = rod_.spans();
     const auto stiffness = [&](double s) { return rod_.section_at(s).bending[0]; };
     for (std::size_t e = 0; e < spans.size(); ++e)
     {
         const RodSpan &span = spans[e], &next = spans[(e + 1) % spans.size()];
-        const Way &first = halves[2 * e], &second = halves[2 * e + 1];
+        const PointShares &first = halves[2 * e], &second = halves[2 * e + 1];
         const double middle = 0.5 * (span.begin + span.end), L = span.length;
         angles_.push_back({first, second, stiffness(middle) / (0.5 * L)});
         // A hinge is an end on either side.
@@ -193,24 +152,19 @@ void Springs::add_bending(const std::vector<Way>& halves)
         const std::size_t before = (e + spans.size() - 1) % spans.size();
         if (spans[before].station[1] != span.station[0])
             angles_.push_back(
-                {way(rod_.basis().values_in(static_cast<int>(e), span.begin), 1), first,
-                 stiffness(span.begin) / (0.25 * L)});
+                {shares_of(rod_, rod_.basis().values_in(static_cast<int>(e), span.begin),
+                           1),
+                 first, stiffness(span.begin) / (0.25 * L)});
         if (goes_on)
             angles_.push_back({second, halves[(2 * e + 2) % halves.size()],
                                stiffness(span.end) / (0.25 * (L + next.length))});
         else
             angles_.push_back(
-                {second, way(rod_.basis().values_in(static_cast<int>(e), span.end), 1),
+                {second,
+                 shares_of(rod_, rod_.basis().values_in(static_cast<int>(e), span.end),
+                           1),
                  stiffness(span.end) / (0.25 * L)});
     }
-}
-
-Vector3d Springs::along(const Way& way, const Eigen::VectorXd& x)
-{
-    Vector3d sum = Vector3d::Zero();
-    for (const auto& [unknown, share] : way)
-        sum += share * x.segment<3>(unknown);
-    return sum;
 }
 
 Springs::Corner Springs::corner(const Angle& angle, const Eigen::VectorXd& x)
@@ -224,12 +178,7 @@ Springs::Corner Springs::corner(const Angle& angle, const Eigen::VectorXd& x)
 
 double Springs::value(const RodState& state) const
 {
-    double sum = 0.0;
-    for (const Distance& spring : distances_)
-    {
-        const double left = along(spring.way, state.x()).norm() - spring.rest;
-        sum += 0.5 * spring.stiffness * left * left;
-    }
+    double sum = distances_.energy(state.x());
     for (const Angle& angle : angles_)
     {
         const double c = corner(angle, state.x()).c;
@@ -238,20 +187,9 @@ double Springs::value(const RodState& state) const
     return sum;
 }
 
-void Springs::pull(const Way& way, const Vector3d& force, Eigen::VectorXd& out)
-{
-    for (const auto& [unknown, share] : way)
-        out.segment<3>(unknown) += share * force;
-}
-
 void Springs::add_gradient(const RodState& state, Eigen::VectorXd& out) const
 {
-    for (const Distance& spring : distances_)
-    {
-        const Vector3d e = along(spring.way, state.x());
-        const double D = e.norm();
-        pull(spring.way, spring.stiffness * (D - spring.rest) / D * e, out);
-    }
+    distances_.add_gradient(state.x(), out);
     for (const Angle& angle : angles_)
     {
         const Corner at = corner(angle, state.x());
@@ -262,7 +200,8 @@ void Springs::add_gradient(const RodState& state, Eigen::VectorXd& out) const
 }
 
 /// out += second derivatives B by two ways; of two different ones the transpose, too.
-void Springs::add_block(const Way& a, const Way& b, const Matrix3d& B, BandMatrix& out)
+void Springs::add_block(const PointShares& a, const PointShares& b, const Matrix3d& B,
+                        BandMatrix& out)
 {
     for (const auto& [row, of_row] : a)
         for (const auto& [column, of_column] : b)
@@ -284,19 +223,7 @@ void Springs::add_block(const Way& a, const Way& b, const Matrix3d& B, BandMatri
 
 void Springs::add_hessian(const RodState& state, RodHessian how, BandMatrix& out) const
 {
-    for (const Distance& spring : distances_)
-    {
-        const Vector3d e = along(spring.way, state.x());
-        const double D = e.norm();
-        const Vector3d t = e / D;
-        double force =
-            is_predicted_ ? spring.force : spring.stiffness * (D - spring.rest);
-        if (how != RodHessian::Exact)
-            force = std::max(force, 0.0);
-        Matrix3d B = (spring.stiffness - force / D) * t * t.transpose();
-        B.diagonal().array() += force / D;
-        add_block(spring.way, spring.way, B, out);
-    }
+    add_second_derivatives(distances_, state, how, out);
     for (const Angle& angle : angles_)
     {
         const Corner at = corner(angle, state.x());
@@ -331,29 +258,13 @@ void Springs::add_hessian(const RodState& state, RodHessian how, BandMatrix& out
 
 void Springs::predict(const RodState& state, const Eigen::VectorXd* step)
 {
-    is_predicted_ = step != nullptr;
-    if (!step)
-        return;
-    for (Distance& spring : distances_)
-    {
-        const Vector3d e = along(spring.way, state.x());
-        const double D = e.norm();
-        spring.force =
-            spring.stiffness * (D + e.dot(along(spring.way, *step)) / D - spring.rest);
-    }
+    distances_.predict(state.x(), step);
 }
 
 void Springs::add_correction(const RodState& before, const RodState& after,
                              const Eigen::VectorXd& step, Eigen::VectorXd& out) const
 {
-    for (const Distance& spring : distances_)
-    {
-        const Vector3d e = along(spring.way, before.x());
-        const double D = e.norm();
-        const double left =
-            along(spring.way, after.x()).norm() - D - e.dot(along(spring.way, step)) / D;
-        pull(spring.way, -spring.stiffness * left / D * e, out);
-    }
+    distances_.add_correction(before.x(), after.x(), step, out);
 }
 
 } // namespace
@@ -371,6 +282,32 @@ bool springs_bend(const Rod& rod)
                 section.bending[0] != section.bending[1])
                 return false;
     return rod.is_straight();
+}
+
+PointShares shares_of(const Rod& rod, const BasisValues& values, int order)
+{
+    PointShares out;
+    for (int j = 0; j < values.count; ++j)
+        if (const double share = values.value[idx(order)][idx(j)]; share != 0.0)
+            out.emplace_back(rod.layout().control[idx(values.control[idx(j)])], share);
+    std::sort(out.begin(), out.end());
+    return out;
+}
+
+void add_second_derivatives(const DistanceSprings& springs, const RodState& state,
+                            RodHessian how, BandMatrix& out)
+{
+    springs.for_each_block(state.x(),
+                           how == RodHessian::Exact
+                               ? DistanceSprings::Curvature::Exact
+                               : DistanceSprings::Curvature::WithoutPushes,
+                           [&](int row, int column, const Matrix3d& B)
+                           {
+                               for (int i = 0; i < 3; ++i)
+                                   for (int j = 0; j < 3; ++j)
+                                       if (row + i >= column + j)
+                                           out.lower(row + i, column + j) += B(i, j);
+                           });
 }
 
 } // namespace cellwarp

@@ -5,6 +5,7 @@
 
 #include <memory>
 
+#include "solver/dynamics/distance_springs.h"
 #include "solver/rods/rod_term.h"
 
 namespace cellwarp
@@ -21,5 +22,11 @@ std::unique_ptr<RodTerm> spring_elasticity(const Rod& rod);
 /// bent at rest, or whose section bends more easily about one direction, needs
 /// exact_elasticity() for it.
 bool springs_bend(const Rod& rod);
+
+/// A derivative of the curve, of \p order, as a sum of the rod's control points.
+PointShares shares_of(const Rod& rod, const BasisValues& values, int order);
+/// out += second derivatives of springs between such sums.
+void add_second_derivatives(const DistanceSprings& springs, const RodState& state,
+                            RodHessian how, BandMatrix& out);
 
 } // namespace cellwarp

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <numbers>
 #include <sstream>
 
@@ -1452,6 +1453,170 @@ TEST(Simulation, loads_begin_grow_and_end)
         R"({"integrator": "static", "gravity": [0,0,0]})"));
     still.step();
     EXPECT_EQ(still.rods(2)[0].curve[1].y(), 0.0);
+}
+
+TEST(Simulation, a_damped_material_takes_the_energy_of_its_modes)
+{
+    // Kinetic and elastic energy at whole half-swings of a mode go by exp(-beta omega^2).
+    const auto rate = [](const std::string& what, double half, int first, int last,
+                         const std::string& rule)
+    {
+        Simulation simulation(parse_rod_scene(
+            "s.json", R"({"cellwarp": 1, )" + what +
+                          R"(, "simulate": {"gravity": [0,0,0], "dt": )" +
+                          std::to_string(half / 128) + R"(, "every": )" +
+                          std::to_string(half / 128) + R"(, "duration": )" +
+                          std::to_string(half * last) + R"(, "integrator": ")" + rule +
+                          "\"}}"));
+        const auto energy = [&]
+        {
+            const SimulationReport report = simulation.report();
+            EXPECT_TRUE(report.is_converged) << report.stop;
+            return report.kinetic + report.elastic;
+        };
+        double begin = 0.0;
+        for (int k = 0; k < 128 * last; ++k)
+        {
+            if (k == 128 * first)
+                begin = energy();
+            simulation.step();
+        }
+        return std::log(begin / energy()) / (half * (last - first));
+    };
+    const std::string clamped =
+        R"("rods": [{"through": [[0,0,0],[1,0,0]], "spans": 10, "radius": 0.05,
+            "fixed": [{"what": ["point","tangent","twist"]}], )";
+    for (const std::string energy : {"exact", "continuous", "discrete"})
+        for (const std::string rule : {"implicit-euler", "midpoint"})
+        {
+            SCOPED_TRACE(energy + " " + rule);
+            const std::string of = clamped + R"("energy": ")" + energy + "\", ";
+            // Stretch: a quarter of a wave.
+            const double wave = 0.5 * std::numbers::pi * std::sqrt(1e6 / 1e3);
+            EXPECT_NEAR(rate(of + R"("damping": 1.6e-3, "velocity": [1e-3,0,0]}])",
+                             std::numbers::pi / wave, 4, 10, rule) /
+                            (1.6e-3 * wave * wave),
+                        1.0, 0.01);
+            // Bending: the first mode of a cantilever.
+            const double bend = 3.516015 * std::sqrt(1e6 * 0.05 * 0.05 / 4.0 / 1e3);
+            EXPECT_NEAR(rate(of + R"("damping": 0.03, "velocity": [0,1e-3,0]}])",
+                             std::numbers::pi / bend, 4, 8, rule) /
+                            (0.03 * bend * bend),
+                        1.0, energy == "discrete" ? 0.03 : 0.01);
+        }
+}
+
+TEST(Simulation, damping_where_it_cannot_act_is_refused)
+{
+    const auto told = [](const std::string& scene)
+    {
+        return error_of(Fault::Malformed, [&]
+                        { parse_rod_scene("s.json", R"({"cellwarp": 1, )" + scene); });
+    };
+    EXPECT_TRUE(contains(told(R"("bodies": [{"damping": 0.1}]})"),
+                         "bodies[0].damping: a rigid body has no strains"));
+    for (const std::string& of :
+         {R"("rods": [{)" + kLine, std::string(R"("nets": [{"points": [[0,0,0]])"),
+          std::string(R"("sheets": [{"sides": [[1,0,0],[0,1,0]])")})
+        EXPECT_TRUE(contains(told(of + R"(, "damping": 0.1}],
+                                  "simulate": {"integrator": "static"}})"),
+                             "[0].damping: an equilibrium has no rates"));
+}
+
+TEST(Simulation, springs_begin_grow_and_end)
+{
+    // A spring to a far place pulls as evenly as a load: 2 N.
+    const auto pushed = [](const std::string& rule, const std::string& times)
+    {
+        Simulation simulation(scene_of(
+            kLine +
+                R"(, "springs": [{"at": 0.5, "point": [0.5,1e6,0], "stiffness": 2e-6,
+                    "length": 0, )" +
+                times + "}]",
+            R"({"duration": 0.1, "every": 0.1, "gravity": [0,0,0], "integrator": ")" +
+                rule + "}"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged) << simulation.report().stop;
+        return simulation.report().momentum.y();
+    };
+    const std::string ramp =
+                          R"("keys": [{"time": 0, "size": 0}, {"time": 0.1, "size": 1}])",
+                      window = R"("from": 0.02, "until": 0.06)";
+    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", ramp), 0.1, 1e-6);
+    EXPECT_NEAR(pushed(R"(midpoint", "dt": 1e-3)", ramp), 0.1, 1e-6);
+    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", ramp), 0.1 * 1.01, 1e-6);
+    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", window), 0.08, 3e-4);
+    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", window), 0.08, 3e-3);
+    // So does its damping, which takes the speed of a light rod within its window alone.
+    Simulation slowed(scene_of(
+        kLine + R"(, "velocity": [0,1,0], "springs": [{"at": 0.5, "point": [0,0,0],
+                   "damping": 100, "from": 0.5}])",
+        R"({"dt": 0.01, "duration": 1, "gravity": [0,0,0]})"));
+    while (slowed.steps_done() + 1 < slowed.num_steps() / 2)
+        slowed.step();
+    const double before = slowed.report().momentum.y();
+    EXPECT_NEAR(before, 0.01 * 0.01 * std::numbers::pi * 1000, 1e-9);
+    while (slowed.steps_done() < slowed.num_steps())
+        slowed.step();
+    EXPECT_LT(slowed.report().momentum.y(), 0.5 * before);
+}
+
+TEST(Simulation, holds_begin_where_the_rod_is_then_and_end)
+{
+    const double weight = 0.01 * 0.01 * std::numbers::pi * 1000 * 9.81;
+    for (const std::string rule : {R"(implicit-euler", "dt": 1e-3)",
+                                   R"(midpoint", "dt": 1e-3)", R"(rk4", "dt": 1e-4)"})
+    {
+        SCOPED_TRACE(rule);
+        const auto run = [&](const std::string& hold)
+        {
+            auto out = std::make_unique<Simulation>(scene_of(
+                kLine + R"(, "fixed": [{"at": 0, "what": ["point","tangent","twist"], )" +
+                    hold + "}]",
+                R"({"duration": 0.1, "every": 0.05, "report": ["forces"],
+                    "integrator": ")" +
+                    rule + "}"));
+            return out;
+        };
+        const auto go_on = [](Simulation& simulation, std::int64_t to)
+        {
+            while (simulation.steps_done() < to)
+                simulation.step();
+            EXPECT_TRUE(simulation.report().is_converged) << simulation.report().stop;
+        };
+        // Let go half way, it gains the momentum of its weight from then on.
+        const auto falls = run(R"("until": 0.05)");
+        const std::int64_t half = falls->num_steps() / 2;
+        go_on(*falls, half);
+        EXPECT_EQ(falls->forces().size(), 1u);
+        const double before = falls->report().momentum.y();
+        go_on(*falls, 2 * half);
+        EXPECT_TRUE(falls->forces().empty());
+        EXPECT_NEAR(falls->report().momentum.y() - before, -0.05 * weight, 1e-6 * weight);
+        // Caught half way, it stays where it has come to, then goes as keys say.
+        const auto caught = run(R"("from": 0.05, "keys": [{"time": 0.05},
+            {"time": 0.08, "translate": [0,0,0.01]}])");
+        go_on(*caught, half);
+        EXPECT_TRUE(caught->forces().empty());
+        const Eigen::Vector3d place = caught->rods(2)[0].curve.front();
+        EXPECT_NEAR(place.y(), -0.5 * 9.81 * 0.05 * 0.05, 3e-4);
+        go_on(*caught, 2 * half);
+        EXPECT_EQ(caught->forces().size(), 1u);
+        EXPECT_LT(
+            (caught->rods(2)[0].curve.front() - (place + Eigen::Vector3d(0, 0, 0.01)))
+                .norm(),
+            1e-9);
+    }
+    // In statics they are what they are at the end.
+    EXPECT_TRUE(contains(error_of(Fault::Malformed,
+                                  []
+                                  {
+                                      Simulation still(scene_of(
+                                          kLine + R"(, "fixed": [{"until": 0.5}])",
+                                          R"({"integrator": "static"})"));
+                                  }),
+                         "rods"));
 }
 
 } // namespace cellwarp

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/dynamics/spring_net.h"
 
+#include <cmath>
+#include <numbers>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -17,7 +19,7 @@ SpringNet crooked_net()
 {
     SpringNet net({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0.2, 0.3, 1}},
                   Eigen::Vector4d(1, 2, 1, 0.5),
-                  {{{0, 1}, 30, 0}, {{1, 2}, 20, 0}, {{2, 3}, 40, 0}, {{3, 0}, 10, 0}});
+                  {{{0, 1}, 30}, {{1, 2}, 20}, {{2, 3}, 40}, {{3, 0}, 10}});
     net.gravity = {0, -9.81, 0};
     net.x += 0.2 * Eigen::VectorXd::LinSpaced(12, -1.0, 2.0);
     return net;
@@ -64,8 +66,7 @@ TEST(SpringNet, gradient_and_second_derivatives_are_those_of_differences)
 
 TEST(SpringNet, that_is_pushed_together_is_made_definite)
 {
-    SpringNet net({{0, 0, 0}, {1, 0, 0}}, Eigen::Vector2d(1e-3, 1e-3),
-                  {{{0, 1}, 100, 0}});
+    SpringNet net({{0, 0, 0}, {1, 0, 0}}, Eigen::Vector2d(1e-3, 1e-3), {{{0, 1}, 100}});
     net.x[3] = 0.2;
     net.start(10.0);
     int level = 0;
@@ -75,7 +76,7 @@ TEST(SpringNet, that_is_pushed_together_is_made_definite)
 
 TEST(SpringNet, points_that_are_held_stay_and_the_others_hang_below)
 {
-    SpringNet net({{0, 0, 0}, {1, 0, 0}}, Eigen::Vector2d(1, 2), {{{0, 1}, 500, 0}});
+    SpringNet net({{0, 0, 0}, {1, 0, 0}}, Eigen::Vector2d(1, 2), {{{0, 1}, 500}});
     net.gravity = {0, -9.81, 0};
     net.hold(0);
     ImplicitStepper stepper({&net});
@@ -88,7 +89,7 @@ TEST(SpringNet, points_that_are_held_stay_and_the_others_hang_below)
 
 TEST(SpringNet, a_spring_without_length_pulls_its_points_together)
 {
-    SpringNet net({{0, 0, 0}, {0, 0, 0}}, Eigen::Vector2d(1, 1), {{{0, 1}, 100, 0}});
+    SpringNet net({{0, 0, 0}, {0, 0, 0}}, Eigen::Vector2d(1, 1), {{{0, 1}, 100}});
     net.velocity << 0, 0, 0, 1, 2, 0;
     ImplicitStepper stepper({&net});
     double farthest = 0.0;
@@ -115,6 +116,32 @@ TEST(SpringNet, never_gains_energy)
         EXPECT_LE(now, before + 1e-9);
         before = now;
     }
+}
+
+TEST(SpringNet, damped_springs_take_the_energy_of_their_swing_and_none_of_a_turn)
+{
+    // Two points of 2 kg swing against each other with omega^2 = 2 k / m.
+    const double k = 100.0, omega = std::sqrt(2.0 * k / 2.0), beta = 0.02, step = 1e-3;
+    const auto energy_after =
+        [&](double damping, const Eigen::Vector3d& velocity, double time)
+    {
+        SpringNet net({{0, 0, 0}, {1, 0, 0}}, Eigen::Vector2d(2, 2), {{{0, 1}, k}});
+        net.damping = damping;
+        net.velocity.head<3>() = velocity;
+        net.velocity.tail<3>() = -velocity;
+        ImplicitStepper stepper({&net}, {});
+        const int count = static_cast<int>(std::lround(time / step));
+        for (int n = 0; n < count; ++n)
+            EXPECT_EQ(stepper.step(step).stop, MotionStop::Converged);
+        return net.energy().sum / (2.0 * velocity.squaredNorm());
+    };
+    // After two half-swings, each of pi / omega.
+    const double time = 2.0 * std::numbers::pi / omega;
+    EXPECT_NEAR(-std::log(energy_after(beta, {1e-4, 0, 0}, time)) /
+                    (beta * omega * omega * time),
+                1.0, 0.01);
+    EXPECT_NEAR(energy_after(1.0, {0, 1e-3, 0}, time),
+                energy_after(0.0, {0, 1e-3, 0}, time), 1e-5);
 }
 
 } // namespace cellwarp

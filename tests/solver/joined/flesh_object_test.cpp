@@ -87,7 +87,7 @@ TEST(FleshObject, momentum_stays_where_nothing_holds)
         body.state.p = at + Vector3d(0.5, 0, 0);
         body.spin({0, 2, 1});
         SpringNet net({from, from + Vector3d(0, 1, 0)}, Eigen::Vector2d(50, 80),
-                      {{{0, 1}, 5e3, 0.0}});
+                      {{{0, 1}, 5e3}});
         Joint with_body{Joint::Kind::Point,
                         {0, 1},
                         {object.add_place(point_at(flesh, {3, 0.5, 0.5})),
@@ -169,7 +169,7 @@ TEST(FleshObject, what_bones_hold_is_held_in_joints_too)
     Flesh flesh = bar(FleshLaw::Cells, Vector3d::Zero(), true);
     FleshState state = flesh.rest();
     FleshObject object(flesh, state, Motion());
-    SpringNet net({{0, 0, 0}, {-1, 0, 0}}, Eigen::Vector2d(1, 1), {{{0, 1}, 100, 0.0}});
+    SpringNet net({{0, 0, 0}, {-1, 0, 0}}, Eigen::Vector2d(1, 1), {{{0, 1}, 100}});
     const Joint joint{
         Joint::Kind::Point, {0, 1}, {object.add_place(point_at(flesh, {0, 0, 0})), 0}};
     ImplicitStepper stepper({&object, &net}, {joint});

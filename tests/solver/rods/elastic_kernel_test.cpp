@@ -24,6 +24,7 @@ struct Example
     ElasticKind kind;
     ElasticSpans<M> spans;
     ElasticPlaces<M> places;
+    ElasticRates<M> moves;
 
     explicit Example(unsigned seed)
     {
@@ -69,7 +70,10 @@ struct Example
             fill(part, spans.stretch_weight[k]);
             fill(part, spans.stretch_sigma[k]);
             fill(any, places.force[k]);
+            fill(any, spans.stretch_rest[k]);
         }
+        for (SpanNumbers& number : moves.of)
+            fill(any, number);
         for (SpanNumbers& number : places.reference)
             fill(any, number);
         fill(part, spans.twist_stiffness);
@@ -89,7 +93,7 @@ struct Example
             for (int l = 0; l < spans.count; ++l)
                 out[idx(l)].push_back(number.lane[l]);
         };
-        SpanNumbers energy, curvature[Counts::kInside][2], force[Counts::kUnknowns];
+        SpanNumbers energy, force[Counts::kUnknowns];
         std::vector<SpanNumbers> entries(Counts::kEntries);
         for (const bool is_plain : {false, true})
         {
@@ -107,9 +111,17 @@ struct Example
                     std::for_each(entries.begin(), entries.end(), take);
                 }
         }
-        kernels.curvatures(kind, spans, places, curvature);
-        for (const auto& of_place : curvature)
-            std::for_each(std::begin(of_place), std::end(of_place), take);
+        kind.is_plain = false;
+        ElasticStrains<M> strains, rates;
+        kernels.strains(kind, spans, places, strains);
+        kernels.rates(kind, spans, places, moves, rates);
+        for (const ElasticStrains<M>* all : {&strains, &rates})
+        {
+            std::for_each(all->stretch, all->stretch + spans.num_stretch, take);
+            for (const auto& of_place : all->curvature)
+                std::for_each(std::begin(of_place), std::end(of_place), take);
+            take(all->twist);
+        }
         return out;
     }
 };

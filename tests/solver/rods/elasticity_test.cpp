@@ -104,6 +104,77 @@ TEST(Elasticity, derivatives_are_those_of_differences)
     }
 }
 
+TEST(Elasticity, forces_of_a_damped_step_are_those_of_what_it_loses)
+{
+    for (const RodCase& of : cases())
+        for (const bool has_energy : {true, false})
+        {
+            SCOPED_TRACE(testing::Message()
+                         << of.is_closed << of.is_round << of.degree << has_energy);
+            const Rod rod = crooked_rod(of, {.link = of.is_closed ? 0.3 : 0.0});
+            const std::unique_ptr<RodTerm> term =
+                exact_elasticity(rod, {.has_energy = has_energy});
+            std::mt19937 rng(3);
+            RodState begin(rod);
+            begin.move(support::random_step(rod.layout().num_unknowns, 0.02, rng));
+            RodState state = begin;
+            state.move(support::random_step(rod.layout().num_unknowns, 0.02, rng));
+            const double elastic = term->value(state);
+            term->damp(begin, 3.0);
+            EXPECT_EQ(term->value(state), elastic);
+            const Eigen::VectorXd step =
+                support::random_step(rod.layout().num_unknowns, 1.0, rng);
+            Eigen::VectorXd force = Eigen::VectorXd::Zero(step.size());
+            term->add_gradient(state, force);
+            constexpr double h = 1e-6;
+            RodState ahead = state, behind = state;
+            ahead.move(step, h);
+            behind.move(step, -h);
+            const double slope =
+                (term->step_value(ahead) - term->step_value(behind)) / (2.0 * h);
+            EXPECT_NEAR(force.dot(step), slope, 1e-6 * force.norm() * step.norm());
+
+            // Where a step begins nothing has been lost yet.
+            Eigen::VectorXd damped = Eigen::VectorXd::Zero(step.size()), plain = damped;
+            term->add_gradient(begin, damped);
+            term->damp(begin, 0.0);
+            term->add_gradient(begin, plain);
+            EXPECT_LT((damped - plain).norm(), 1e-9 * force.norm());
+            EXPECT_EQ(term->step_value(begin), term->value(begin));
+        }
+}
+
+TEST(Elasticity, damping_forces_are_those_of_a_short_damped_step)
+{
+    for (const RodCase& of : cases())
+    {
+        SCOPED_TRACE(testing::Message() << of.is_closed << of.is_round << of.degree);
+        const Rod rod = crooked_rod(of, {});
+        const std::unique_ptr<RodTerm> term = exact_elasticity(rod);
+        std::mt19937 rng(4);
+        RodState begin(rod);
+        begin.move(support::random_step(rod.layout().num_unknowns, 0.02, rng));
+        const Eigen::VectorXd velocity =
+            support::random_step(rod.layout().num_unknowns, 1.0, rng);
+        const auto lost = [&](double step)
+        {
+            RodState end = begin;
+            end.move(velocity, step);
+            term->damp(begin, 1.0 / step);
+            Eigen::VectorXd force = Eigen::VectorXd::Zero(velocity.size()), plain = force;
+            term->add_gradient(end, force);
+            term->damp(begin, 0.0);
+            term->add_gradient(end, plain);
+            return Eigen::VectorXd(force - plain);
+        };
+        Eigen::VectorXd force = Eigen::VectorXd::Zero(velocity.size());
+        term->add_damping_forces(begin, velocity, 1.0, force);
+        constexpr double h = 1e-5;
+        EXPECT_LT((force - (2.0 * lost(h) - lost(2.0 * h))).norm(), 1e-6 * force.norm());
+        EXPECT_GT(force.dot(velocity), 0.0);
+    }
+}
+
 TEST(Elasticity, leaves_six_rigid_motions_free_and_no_more)
 {
     for (const int degree : {2, 3, 4, 5})
