@@ -154,6 +154,9 @@ strip slipknot 6 200x160
 strip swing 6 200x240 30
 strip net 6 200x220 25
 strip necklace 6 200x200 15
+strip u 7 200x220
+strip pushed 5 200x200 25
+strip capstan 4 220x220
 strip cut 6 200x200 15
 strip knot 6 220x160
 strip pile 6 200x200 25

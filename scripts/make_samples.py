@@ -1467,6 +1467,23 @@ def sheets(folder):
 
 
 def touching_rods(folder):
+    # Bezier pieces whose handles are in line: a U that swings without a hinge.
+    count, handle = 6, 4 / 3 * math.tan(math.pi / 24) * 0.2
+    u = [[-0.2, 0.4, 0], [-0.2, 0.3, 0], [-0.2, 0.2, 0]]
+    for k in range(count + 1):
+        turn = math.pi * k / count
+        at = [-0.2 * math.cos(turn), 0.1 - 0.2 * math.sin(turn)]
+        along = [handle * math.sin(turn), -handle * math.cos(turn)]
+        u += [[round(x + side * d, 6) for x, d in zip(at, along)] + [0]
+              for side in (-1, 0, 1)
+              if (k > 0 or side >= 0) and (k < count or side <= 0)]
+    u += [[0.2, 0.2, 0], [0.2, 0.3, 0], [0.2, 0.4, 0]]
+    rod_scene(folder, "u", [
+        {"name": "u", "points": u, "spline": "bezier", "radius": 0.01, "E": 2e6,
+         "EI": [0.002, 0.02], "GJ": 0.01, "normal": [0, 0, 1], "damping": 0.02,
+         "fixed": [{"at": 0, "what": ["point", "tangent", "twist"]},
+                   {"at": 1, "until": 0.1}]}],
+        {"dt": 0.001, "duration": 0.6, "every": 0.1})
     # A hanging rope is cut, and once more on its way down.
     rod_scene(folder, "cut", [
         {"name": "rope", "through": [[0, 1.2, 0], [0.25, 0.9, 0], [0.5, 0.85, 0],
@@ -1513,6 +1530,30 @@ def touching_rods(folder):
                      "spans": 12, "radius": 0.008, "E": 5e5, "energy": "discrete"})
     rod_scene(folder, "pile", rods, {"dt": 0.001, "duration": 1.0, "every": 0.1},
               obstacles=[{"plane": [0, 1, 0, 0]}], contact={"friction": 0.3})
+    # A rod that keys lead pushes a free one.
+    clamp = ["point", "tangent", "twist"]
+    rod_scene(folder, "pushed", [
+        {"name": "led", "through": [[0, 0, -0.2], [0, 0, 0], [0, 0, 0.2]], "radius": 0.01,
+         "E": 1e8, "fixed": [{"at": at, "what": clamp, "keys": [
+             {"time": 0}, {"time": 0.5, "translate": [1, 0, 0]}]} for at in (0, 1)]},
+        {"name": "free", "through": [[0.1, -0.2, 0], [0.1, 0, 0], [0.1, 0.2, 0]],
+         "radius": 0.01, "E": 1e6}],
+        {"dt": 0.002, "duration": 0.2, "every": 0.05, "gravity": [0, 0, 0]}, contact=True)
+    # A rope is pulled over a ball against a load: a capstan of half a turn.
+    rope = [[-0.105, round(-0.1 + 0.02 * k, 6), 0] for k in range(5)]
+    for k in range(33):
+        turn = math.pi * k / 32
+        rope.append([round(-0.105 * math.cos(turn), 6), round(0.105 * math.sin(turn), 6), 0])
+    rope += [[0.105, round(-0.02 * k, 6), 0] for k in range(1, 6)]
+    rod_scene(folder, "capstan", [
+        {"name": "rope", "through": rope, "spans": 3, "radius": 0.005, "E": 1e6,
+         "EI": [1e-6, 1e-6], "GJ": 1e-6, "rest": "straight", "density": 500,
+         "loads": [{"at": 0, "force": [0, -1, 0]}],
+         "fixed": [{"at": 1, "keys": [{"time": 0}, {"time": 0.1},
+                                      {"time": 0.6, "translate": [0, -0.06, 0]}]}]}],
+        {"dt": 0.001, "duration": 0.6, "every": 0.2, "gravity": [0, 0, 0], "viscosity": 0.02,
+         "report": ["forces", "sections"]},
+        obstacles=[{"sphere": [0, 0, 0, 0.1]}], contact={"friction": 0.3, "self": False})
     # Three ropes fall on the creature.
     rod_scene(folder, "drape", [
         {"name": "rope%d" % k,
