@@ -200,6 +200,33 @@ std::string scene_text(const SceneFile& scene)
     }
 }
 
+std::string moved_scene_text(const std::string& text, const std::string& from,
+                             const std::string& to)
+{
+    using Ordered = nlohmann::ordered_json;
+    if (text.empty() || from == to)
+        return text;
+    Ordered json = Ordered::parse(text);
+    const auto move_name = [&](Ordered& of, const char* key)
+    {
+        if (of.is_object() && of.contains(key) && of[key].is_string())
+            of[key] = relative_name(to, resolved_name(from, of[key].get<std::string>()));
+    };
+    if (json.contains("skeleton") && json["skeleton"].is_object())
+    {
+        Ordered& skeleton = json["skeleton"];
+        for (const char* key : {"file", "animation_file", "weights"})
+            move_name(skeleton, key);
+        if (skeleton.contains("lattice") && skeleton["lattice"] != "octree")
+            move_name(skeleton, "lattice");
+    }
+    for (const char* key : {"obstacles", "contact"})
+        if (json.contains(key) && json[key].is_array())
+            for (Ordered& obstacle : json[key])
+                move_name(obstacle, "mesh");
+    return json.dump(2) + "\n";
+}
+
 bool has_model(const std::string& path)
 {
     return parse_json(path, read_file(path)).contains("model");

@@ -57,4 +57,9 @@ SceneFile parse_scene(const std::string& path, const std::string& text);
 /// parse_scene() accepts them.
 std::string scene_text(const SceneFile& scene);
 
+/// The text of the scene at \p from as a scene at \p to says it: the files that it names
+/// beside its model and handles are the same. \pre parse_scene() has accepted the text
+std::string moved_scene_text(const std::string& text, const std::string& from,
+                             const std::string& to);
+
 } // namespace cellwarp

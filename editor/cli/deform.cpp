@@ -12,18 +12,17 @@
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_json.h"
 #include "editor/session/body.h"
+#include "editor/session/pass_through.h"
 #include "editor/session/peak_memory.h"
 #include "editor/session/volume.h"
 #include "io/animation_file.h"
 #include "io/error.h"
-#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "io/geometry_output.h"
 #include "io/number.h"
 #include "io/text.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
-#include "octree/self_intersections.h"
 
 namespace cellwarp
 {
@@ -222,33 +221,13 @@ Json intersections_json(const Geometry& geometry, const Outcome& outcome,
                         bool counts_rest, bool has_contact,
                         std::vector<std::string>& warnings)
 {
-    const std::vector<Triangle> triangles = triangles_of(geometry);
-    if (triangles.empty())
-        return nullptr;
-    const std::vector<Eigen::Vector3d>& deformed = outcome.deformed->samples;
-    const IntersectionCounter counter(triangles, geometry.samples);
-    const std::optional<SelfIntersections> now = counter.count(deformed);
-    if (now && now->first_fresh)
-    {
-        Eigen::Vector3d first = Eigen::Vector3d::Zero();
-        for (const std::uint32_t corner : triangles[*now->first_fresh])
-            first += deformed[corner] / 3.0;
-        warnings.push_back(fmt::format(
-            "{} {} that {} not at rest, the first at {}: parts pass through each "
-            "other{}{}",
-            now->fresh,
-            now->fresh == 1 ? "pair of triangles intersects"
-                            : "pairs of triangles intersect",
-            now->fresh == 1 ? "does" : "do",
-            place_text(first, bounding_box(geometry.samples).size().norm()),
-            has_contact ? ", or the surface folds (contact does not act between "
-                          "neighbouring parts of the material)"
-                        : "",
-            outcome.is_shell ? " (a thicker shell folds less: --thickness)" : ""));
-    }
-    const std::optional<SelfIntersections> rest =
-        counts_rest ? counter.count(geometry.samples) : std::nullopt;
-    return now && rest ? Json{{"rest", rest->all}, {"new", now->fresh}} : Json(nullptr);
+    const PassThrough seen = pass_through(geometry, outcome.deformed->samples,
+                                          {counts_rest, has_contact, outcome.is_shell});
+    if (!seen.warning.empty())
+        warnings.push_back(seen.warning);
+    return seen.now && seen.rest
+               ? Json{{"rest", seen.rest->all}, {"new", seen.now->fresh}}
+               : Json(nullptr);
 }
 
 /// How far samples of a region may end from where its motion puts them [diagonal].
