@@ -5,6 +5,8 @@
 #include <functional>
 #include <system_error>
 
+#include <fmt/format.h>
+
 #include "editor/document/document_state.h"
 #include "editor/session/scene_script.h"
 #include "editor/session/spline_region.h"
@@ -55,6 +57,15 @@ void remove_closed(const std::string& journal)
     }
 }
 
+/// Somebody else has the journal of a file.
+[[noreturn]] void fail_in_use(const std::string& path, const InUse& error)
+{
+    const std::string what = error.what();
+    throw InUse(Fault::File,
+                at({path, 0, ""}, "is open in another window (" +
+                                      what.substr(what.rfind("in use by")) + ")"));
+}
+
 /// Nothing where there is no file that can be read.
 std::optional<std::uint32_t> checksum_of_file(const std::string& path)
 {
@@ -66,6 +77,18 @@ std::optional<std::uint32_t> checksum_of_file(const std::string& path)
     {
         return std::nullopt;
     }
+}
+
+/// Whether a handle file with these would say nothing.
+bool is_empty(const HandleFile& handles)
+{
+    return std::all_of(handles.stages.begin(), handles.stages.end(),
+                       [](const Stage& stage)
+                       {
+                           return stage.regions.empty() && stage.frames.empty() &&
+                                  stage.ons.empty() && stage.joints.empty();
+                       }) &&
+           handles.stages.size() < 2;
 }
 
 } // namespace
@@ -199,7 +222,8 @@ bool Document::State::find_left()
     {
         Journal opened = Journal::open(journal, contents);
         const History::End end = History::end_of(opened, contents);
-        Left found{std::move(opened), std::move(contents), end.records_after};
+        Left found{std::move(opened), std::move(contents), end.records_after,
+                   end.is_kept};
         last_view = end.word.value_or("");
         if (found.count > 0)
             left.emplace(std::move(found));
@@ -243,15 +267,19 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         if (std::optional<HandleFile> script =
                 script_of(s.scene, s.scene.handles, s.warnings))
             s.edited.handles = std::move(*script);
-        s.scene.skeleton.reset(); // its joints and keys are statements now
+        // Its joints and keys are statements, too: a save writes them as the scene does.
+        if (s.scene.skeleton && !s.edited.handles.stages.empty())
+            for (const FrameStatement& frame : s.edited.handles.stages.front().frames)
+                s.num_keyed_frames += frame.time.has_value();
         if (const auto parted = parted_save(s.scene, s.edited.handles))
             s.warnings.push_back(*parted);
         const std::optional<std::string> save = s.scene.save;
         s.scene.save.reset(); // what is edited is of none
         s.edited.handles.save.reset();
         s.is_intact_save =
-            save &&
-            *save == save_fingerprint(scene_text(s.scene), handle_text(s.edited.handles));
+            save && *save == save_fingerprint(scene_text(s.scene),
+                                              handle_text(s.handles_to_write(
+                                                  s.scene.skeleton.has_value())));
     }
     else
     {
@@ -266,8 +294,26 @@ Document::Document(const std::string& path, const std::string& journal_folder)
     s.find_regions();
     s.journal_folder = journal_folder;
     s.journal = journal_path(journal_folder, path);
-    if (!s.find_left())
-        s.start_history();
+    try
+    {
+        if (!s.find_left())
+            s.start_history();
+    }
+    catch (const InUse& error)
+    {
+        fail_in_use(path, error);
+    }
+    if (!s.left || !s.left->is_kept)
+        return;
+    try
+    {
+        for (std::string& warning : recover())
+            s.warnings.push_back(std::move(warning));
+    }
+    catch (const Error& error)
+    {
+        s.warnings.push_back(error.what());
+    }
 }
 
 std::size_t Document::num_recoverable() const
@@ -432,6 +478,37 @@ std::vector<Motion> Document::joint_motions(const std::string& joint,
     return s.skeleton->motions(aim, aim, 1.0);
 }
 
+std::vector<PosedJoint> Document::joints_at_rest() const
+{
+    const State& s = *state_;
+    std::vector<PosedJoint> joints;
+    if (!s.skeleton)
+        return joints;
+    const WorkFrame& frame = s.ground().units.frame;
+    for (std::size_t j = 0; j < s.skeleton->size(); ++j)
+        joints.push_back({s.skeleton->statement(j).name, s.skeleton->parent(j),
+                          frame.to_model(s.skeleton->place(j))});
+    return joints;
+}
+
+std::size_t Document::State::num_frames_without_key() const
+{
+    std::size_t frames = 0;
+    for (const Stage& stage : edited.handles.stages)
+        frames += stage.frames.size();
+    return frames - std::min(frames, num_keyed_frames);
+}
+
+std::size_t Document::num_frames_without_key() const
+{
+    return state_->num_frames_without_key();
+}
+
+bool Document::has_keys_of_scene() const
+{
+    return state_->num_keyed_frames > 0;
+}
+
 int Document::region_of(std::size_t sample) const
 {
     return state_->region_of_sample[sample];
@@ -549,43 +626,98 @@ bool Document::is_saved() const
     return state_->saved_content == history().content();
 }
 
-void Document::save(const std::string& scene_path, Overwrite overwrite)
+HandleFile Document::State::handles_to_write(bool own_skeleton) const
+{
+    HandleFile handles = edited.handles;
+    if (!own_skeleton)
+        return handles;
+    Stage& first = handles.stages.front();
+    first.joints.clear();
+    first.frames.erase(
+        first.frames.begin(),
+        first.frames.begin() +
+            static_cast<std::ptrdiff_t>(std::min(first.frames.size(), num_keyed_frames)));
+    return handles;
+}
+
+std::string Document::why_not_whole() const
+{
+    const State& s = *state_;
+    if (!s.scene.skeleton || s.num_keyed_frames == 0)
+        return "";
+    const std::size_t added = s.num_frames_without_key();
+    if (added == 0 && s.edited.handles.stages.size() == 1)
+        return "";
+    return fmt::format(
+        "{} no time, which the keys of the scene have: undo {}, or save the poses alone, "
+        "without times, flesh and simulate",
+        added == 1  ? "the pose made here has"
+        : added > 1 ? fmt::format("the {} poses made here have", added)
+                    : "the regions made here have",
+        added == 1 ? "it" : "them");
+}
+
+void Document::save(const std::string& scene_path, Overwrite overwrite, SavedPart part)
 {
     State& s = *state_;
     s.check_open();
     if (extension_of(scene_path) != "json")
         throw usage("a scene's name ends in .json (got " + in_quotes(scene_path) + ")");
     const bool is_own = scene_path == s.scene_path;
-    if (is_own && s.scene.time)
+    const bool is_whole = part == SavedPart::All && s.scene.skeleton.has_value();
+    if (const std::string why = why_not_whole(); is_whole && !why.empty())
+        throw usage(why);
+    if (is_own && !is_whole && s.scene.time)
         throw usage(in_quotes(scene_path) +
-                    " has flesh in time, which edits do not keep: save them under "
-                    "another name, as a scene that poses");
+                    " has flesh in time, which poses alone do not keep: save them under "
+                    "another name");
     SceneFile scene = with_settings(s.scene, s.edited.settings);
+    scene.text = moved_scene_text(s.scene.text, s.scene.path, scene_path);
     scene.path = scene_path;
-    scene.time.reset();
-    if (!is_own || scene.handles.empty())
+    if (!is_whole)
+    {
+        scene.skeleton.reset();
+        scene.time.reset();
+    }
+    HandleFile handles = s.handles_to_write(is_whole);
+    const bool has_handles = !is_whole || !is_empty(handles);
+    if (!has_handles)
+        scene.handles.clear();
+    else if (!is_own || scene.handles.empty())
         scene.handles = scene_path.substr(0, scene_path.size() - 5) + ".handles";
-    HandleFile handles = s.edited.handles;
-    handles.path = scene.handles;
+    handles.path = has_handles ? scene.handles : scene_path;
     if (is_own && overwrite == Overwrite::No)
     {
         s.check_unchanged(scene.path);
-        s.check_unchanged(scene.handles);
+        if (has_handles)
+            s.check_unchanged(scene.handles);
         overwrite = Overwrite::Yes;
     }
     SceneFile saved_scene = scene;
-    saved_scene.save = save_fingerprint(scene_text(scene), handle_text(handles));
-    handles.save = {*saved_scene.save,
-                    std::filesystem::path(scene_path).filename().string()};
+    if (has_handles)
+    {
+        saved_scene.save = save_fingerprint(scene_text(scene), handle_text(handles));
+        handles.save = {*saved_scene.save,
+                        std::filesystem::path(scene_path).filename().string()};
+    }
     const std::string scene_bytes = scene_text(saved_scene),
-                      handle_bytes = handle_text(handles);
+                      handle_bytes = has_handles ? handle_text(handles) : "";
     check_output(scene.path, overwrite);
-    check_output(scene.handles, overwrite);
+    if (has_handles)
+        check_output(scene.handles, overwrite);
     const std::string journal = journal_path(s.journal_folder, scene_path);
-    if (!is_own && journal != s.journal)
-        Journal::check_free(journal);
+    try
+    {
+        if (!is_own && journal != s.journal)
+            Journal::check_free(journal);
+    }
+    catch (const InUse& error)
+    {
+        fail_in_use(scene_path, error);
+    }
     OutputSet files(overwrite);
-    files.write(scene.handles, handle_bytes);
+    if (has_handles)
+        files.write(scene.handles, handle_bytes);
     files.write(scene.path, scene_bytes);
     files.commit();
     if (!is_own)
@@ -595,18 +727,24 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
         s.history.move_journal(journal);
         s.journal = journal;
     }
-    s.checksums = {{scene.path, checksum_of(scene_bytes)},
-                   {scene.handles, checksum_of(handle_bytes)}};
+    s.checksums = {{scene.path, checksum_of(scene_bytes)}};
+    if (has_handles)
+        s.checksums[scene.handles] = checksum_of(handle_bytes);
     s.scene_path = scene_path;
     s.scene = scene;
-    s.edited.handles.path = scene.handles;
+    s.scene.text = scene_bytes; // what is played is read from it
+    if (!is_whole)
+        s.num_keyed_frames = 0;
+    s.edited.handles.path = handles.path;
     s.saved_content = s.history.content();
     ++s.revision;
 }
 
-void Document::close(const std::string& view)
+void Document::close(const std::string& view, Unsaved unsaved)
 {
     State& s = *state_;
+    if (unsaved == Unsaved::Keep && !is_saved() && !s.left)
+        return s.history.keep(view);
     const std::optional<std::size_t> saved =
         s.saved_content ? s.history.position_of(*s.saved_content) : std::nullopt;
     if (!saved)

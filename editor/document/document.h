@@ -27,6 +27,22 @@
 namespace cellwarp
 {
 
+/// What of a scene is saved.
+enum class SavedPart
+{
+    All,
+    /// The poses without their times: what has its own time in the scene (the keys of its
+    /// skeleton, its flesh, `simulate`) is left out.
+    Poses
+};
+
+/// What becomes of edits that are not saved when a document is closed.
+enum class Unsaved
+{
+    Undo, ///< they are undone, and can be done again the next time
+    Keep  ///< the next time goes on with them
+};
+
 /// Thrown instead of overwriting what another program has written.
 class ChangedOnDisk : public Error
 {
@@ -38,8 +54,8 @@ class Document
 {
 public:
     /// Opens a model or a scene (*.json). Its journal goes into \p journal_folder (empty:
-    /// nothing is kept on the disk). Throws Error; Fault::File "in use by PID" if
-    /// another process edits it.
+    /// nothing is kept on the disk). Throws Error; InUse "is open in another window (in
+    /// use by PID)" if another process edits it.
     Document(const std::string& path, const std::string& journal_folder);
     ~Document();
     Document(Document&&) noexcept;
@@ -71,6 +87,12 @@ public:
     /// at a placement, or none.
     std::vector<Motion> joint_motions(const std::string& joint,
                                       const Placement& to) const;
+    /// Of the current stage, at rest; none: it has no skeleton.
+    std::vector<PosedJoint> joints_at_rest() const;
+    /// How many frames are not among those that the scene's own keys stand for.
+    std::size_t num_frames_without_key() const;
+    /// Whether the scene says the poses itself: as keys of its skeleton.
+    bool has_keys_of_scene() const;
     /// The region that holds a sample, the first declared; -1: none.
     int region_of(std::size_t sample) const;
     /// Finds the points of a rod in the centre line of the limb at some samples, or
@@ -144,12 +166,17 @@ public:
     /// Writes scene and handle file, NAME.json and NAME.handles beside it; what they hold
     /// replays to the same result. Its own scene is replaced without Overwrite::Yes, too,
     /// but where that or its handle file is not as it was read or saved last:
-    /// ChangedOnDisk then. Throws Error.
-    void save(const std::string& scene_path, Overwrite overwrite = Overwrite::No);
+    /// ChangedOnDisk then. A scene keeps all that is not edited: its skeleton, keys with
+    /// their times, flesh. Throws Error; Fault::Usage with why_not_whole() for
+    /// SavedPart::All.
+    void save(const std::string& scene_path, Overwrite overwrite = Overwrite::No,
+              SavedPart part = SavedPart::All);
+    /// Why the scene cannot be saved with all its parts; empty: it can.
+    std::string why_not_whole() const;
     /// Ends the journal: nothing is left to recover. What was saved is kept in it, with a
     /// word of the caller's: who opens the same again can go on to undo, and to redo what
     /// was not saved.
-    void close(const std::string& view = "");
+    void close(const std::string& view = "", Unsaved unsaved = Unsaved::Undo);
 
 private:
     struct State;

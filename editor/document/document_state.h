@@ -58,7 +58,8 @@ struct Document::State
     {
         Journal journal;
         JournalContents contents;
-        std::size_t count; ///< of its records since it was last closed
+        std::size_t count;    ///< of its records since it was last closed
+        bool is_kept = false; ///< it was ended well: its edits are wanted
     };
     std::optional<Left> left; ///< by an earlier run
     std::string last_view;
@@ -67,6 +68,8 @@ struct Document::State
     std::optional<std::uint32_t> saved_content = 0;
     /// Checksums of the scene and its handle file as last read or saved, by path.
     std::map<std::string, std::uint32_t> checksums;
+    /// Frames that stand for keys of the scene's skeleton: the first ones.
+    std::size_t num_keyed_frames = 0;
     bool is_intact_save =
         false; ///< the files were written by save(), when they were read
 
@@ -347,6 +350,10 @@ struct Document::State
     /// A rod or curve, to change what it is written as: not after a frame.
     const EditedRegion& line_to_change(const std::string& region) const;
     void change_line(const EditedRegion& region, const SplineStatement& line);
+    /// What a handle file says beside the scene, which says \p own_skeleton itself.
+    HandleFile handles_to_write(bool own_skeleton) const;
+    /// How many frames the scene's keys do not stand for.
+    std::size_t num_frames_without_key() const;
     JournalHeader header() const;
     void start_history();
     /// Keeps a journal that cannot be read, under another name.

@@ -11,11 +11,13 @@
 
 #include "editor/session/flat.h"
 #include "editor/session/memory_limit.h"
+#include "editor/session/pass_through.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
 #include "io/geometry_output.h"
 #include "io/number.h"
 #include "io/text.h"
+#include "octree/base/stop_scope.h"
 
 namespace cellwarp
 {
@@ -35,6 +37,18 @@ bool is_finite(const Placement& placement)
     return placement.translation.allFinite() && placement.axis.allFinite() &&
            (!placement.about || placement.about->allFinite()) &&
            placement.axis.norm() > 0 && std::isfinite(placement.degrees);
+}
+
+/// Of models with more samples there is one prepared drag at a time: two of a million
+/// samples take 700 MB.
+constexpr std::size_t kManySamples = 250'000;
+
+/// Whether a document is opened at rest: what it says of poses is played, by another
+/// solver, or is long.
+bool opens_at_rest(const Document& document)
+{
+    const SceneFile scene = document.scene();
+    return scene.time || scene.has_carriers || document.has_keys_of_scene();
 }
 
 /// What a drag has in the hand.
@@ -68,8 +82,16 @@ struct Editing::State
     SolveWorker worker;
     std::optional<std::uint64_t> asked; ///< the document's result revision
     bool is_asked_in_space = false;     ///< for the hand alone
+    /// The document's result revision for which nobody has asked.
+    std::optional<std::uint64_t> unasked;
     std::uint64_t result_revision = 0;
     std::shared_ptr<const DeformedSamples> result;
+    ResultFigures figures; ///< of it
+    std::string passing;   ///< a warning: it passes through itself
+    bool wants_passing = false;
+    std::future<std::string> finding_passing;
+    std::uint64_t passing_revision = 0; ///< of the result that is looked at
+    std::stop_source stop_passing;
 
     std::optional<DragSource> source; ///< of the newest result
     bool wants_drag = false;          ///< to be made from the source
@@ -79,6 +101,7 @@ struct Editing::State
 
     std::optional<ActiveDrag> hand;
     std::shared_ptr<const ShownShape> film; ///< the frame that is seen; null: none
+    std::shared_ptr<const DeformedSamples> film_deformed; ///< as a file holds it, or null
 
     std::future<std::vector<Eigen::Vector3d>> drawing; ///< points of a centre line
     std::uint64_t drawing_revision = 0;
@@ -95,15 +118,21 @@ struct Editing::State
           worker(document.model(), view)
     {
         rest.version = ++version;
+        rest.lines = shown_joints(document.joints_at_rest(), view);
         result_shape = shape = rest;
+        if (opens_at_rest(document))
+            unasked = document.result_revision();
     }
     /// All threads end at the same time, not one after the other.
     ~State()
     {
         worker.cancel();
+        stop_passing.request_stop();
         if (field)
             field->cancel();
     }
+
+    bool is_unsolved() const { return unasked == document.result_revision(); }
 
     void show(const ShownShape& other)
     {
@@ -133,7 +162,7 @@ struct Editing::State
     {
         return (asked == document.result_revision() &&
                 is_asked_in_space == is_hand_in_space()) ||
-               document.num_recoverable() > 0;
+               is_unsolved() || document.num_recoverable() > 0;
     }
 
     bool take_solved()
@@ -154,6 +183,10 @@ struct Editing::State
         result_revision = solved->revision;
         result_shape = std::move(solved->shape);
         result_cells = std::move(solved->cells);
+        figures = std::move(solved->figures);
+        passing.clear();
+        stop_passing.request_stop();
+        wants_passing = figures.report.has_value();
         source = std::move(solved->drag);
         wants_drag = source.has_value();
         if (!hand && !film)
@@ -161,6 +194,48 @@ struct Editing::State
         document.set_rest(solved->stage_fingerprint, std::move(solved->rest));
         document.set_borders(std::move(solved->borders));
         return true;
+    }
+
+    /// Looks whether the result passes through itself, when all that the hand needs is
+    /// made, and takes what was found. True: there is something to say.
+    bool look_at_passing()
+    {
+        bool is_new = false;
+        if (is_done(finding_passing))
+        {
+            try
+            {
+                std::string found = finding_passing.get();
+                if (passing_revision == document.result_revision())
+                {
+                    passing = std::move(found);
+                    is_new = !passing.empty();
+                }
+            }
+            catch (const std::exception&)
+            {
+                // It was stopped, or lacks the memory: the result is good without it.
+            }
+        }
+        if (wants_passing && !hand && !finding_passing.valid() && !wants_drag &&
+            !preparing.valid() && !worker.is_busy())
+        {
+            wants_passing = false;
+            passing_revision = result_revision;
+            stop_passing = std::stop_source();
+            finding_passing = std::async(
+                std::launch::async,
+                [model = document.model(), samples = result,
+                 has_contact = document.settings().cells.contact.value_or(false),
+                 stop = stop_passing.get_token()]
+                {
+                    const StopOnRequest scope(stop);
+                    return pass_through(model->geometry, samples->samples,
+                                        {false, has_contact, false})
+                        .warning;
+                });
+        }
+        return is_new;
     }
 
     /// Makes the next drag where one is wanted, and takes what was made.
@@ -179,8 +254,15 @@ struct Editing::State
                 // The solve tells what is wrong with these regions; the last drag stays.
             }
         }
+        if (wants_drag && prepared && serves_on(*prepared, *source))
+        {
+            start_from(*prepared, *source);
+            wants_drag = false;
+        }
         if (wants_drag && !preparing.valid())
         {
+            if (layout->order.size() > kManySamples)
+                prepared.reset();
             preparing = std::async(std::launch::async, [from = *source]() mutable
                                    { return prepare_drag(std::move(from)); });
             wants_drag = false;
@@ -401,6 +483,10 @@ struct Editing::State
         return is_solved() && !is_writing && !drawing.valid() && !wants_drag &&
                !preparing.valid();
     }
+    bool is_at_rest() const
+    {
+        return is_settled() && (hand || !wants_passing) && !finding_passing.valid();
+    }
 
     /// Updates until it is so before an update and after it: what the threads had
     /// finished before has been taken by it.
@@ -442,8 +528,9 @@ bool Editing::update()
     const bool is_solved = s.take_solved();
     s.prepare();
     const bool has_moved = s.follow_hand();
+    const bool is_warned = s.look_at_passing();
     const bool is_exported = s.has_field_news();
-    return is_opened || is_drawn || is_solved || has_moved || is_exported;
+    return is_opened || is_drawn || is_solved || has_moved || is_warned || is_exported;
 }
 
 void Editing::wait_for_result()
@@ -451,9 +538,14 @@ void Editing::wait_for_result()
     state_->wait_until(*this, &State::is_solved);
 }
 
-void Editing::wait()
+void Editing::wait_for_drag()
 {
     state_->wait_until(*this, &State::is_settled);
+}
+
+void Editing::wait()
+{
+    state_->wait_until(*this, &State::is_at_rest);
 }
 
 void Editing::cancel()
@@ -461,9 +553,15 @@ void Editing::cancel()
     state_->worker.cancel();
 }
 
-void Editing::solve_again()
+void Editing::solve()
 {
     state_->asked.reset();
+    state_->unasked.reset();
+}
+
+bool Editing::is_unsolved() const
+{
+    return state_->is_unsolved();
 }
 
 const WorkFrame& Editing::view_frame() const
@@ -501,7 +599,12 @@ std::shared_ptr<const DeformedSamples> Editing::result() const
 
 SolveStatus Editing::status() const
 {
-    return state_->worker.status();
+    SolveStatus status = state_->worker.status();
+    // Figures are those of the shape that is seen.
+    static_cast<ResultFigures&>(status) = state_->figures;
+    if (!state_->passing.empty())
+        status.warnings.push_back(state_->passing);
+    return status;
 }
 
 DragStatus Editing::drag_status() const
@@ -528,6 +631,7 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
         return refuse("another region is in the hand");
     if (s.film)
         return refuse("a film is shown: it has to end first");
+    s.unasked.reset();
     update(); // regions are found anew where a rest shape has come
     const EditedRegion* const found = s.document.region(region);
     if (!found)
@@ -544,6 +648,11 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     if (const SolveStatus status = s.worker.status();
         !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)
         return refuse(status.error);
+    if (s.finding_passing.valid()) // the hand needs the cores
+    {
+        s.stop_passing.request_stop();
+        s.wants_passing = true;
+    }
     ActiveDrag& hand = s.hand.emplace();
     hand.region = region;
     hand.revision = s.document.result_revision();
@@ -581,9 +690,11 @@ void Editing::drag_point_to(const PointPlacement& to)
         s.hand->live->move(s.motions(), s.holds());
 }
 
-void Editing::show_instead(std::shared_ptr<const ShownShape> frame)
+void Editing::show_instead(std::shared_ptr<const ShownShape> frame,
+                           std::shared_ptr<const DeformedSamples> deformed)
 {
     State& s = *state_;
+    s.film_deformed = std::move(deformed);
     if (frame == s.film)
         return;
     if (s.hand)
@@ -604,6 +715,7 @@ void Editing::draw_centre_line(const std::vector<std::uint32_t>& near)
     State& s = *state_;
     if (is_drawing())
         throw Error(Fault::Usage, "a centre line is looked for already");
+    s.unasked.reset();
     s.drawn.reset();
     s.drawing_revision = s.document.result_revision();
     s.drawing = std::async(std::launch::async, s.document.centre_line(near, result()));
@@ -672,11 +784,36 @@ std::optional<Placement> Editing::dragged_placement() const
     return hand && !hand->point ? std::optional(hand->to) : std::nullopt;
 }
 
+std::string Editing::why_no_export() const
+{
+    const State& s = *state_;
+    if (s.film)
+        return s.film_deformed ? ""
+                               : "live flesh moves on while it is written: stop it, or "
+                                 "play the scene and hold a frame";
+    if (s.hand)
+        return in_quotes(s.hand->region) + " is in the hand: let it go first";
+    return result() ? ""
+           : is_unsolved()
+               ? "the scene is seen at rest: solve it, or play it and hold a frame"
+               : "the result is not there yet";
+}
+
+std::string Editing::why_no_field_export() const
+{
+    return state_->film ? "the field is of what is edited, and a film is seen: stop it "
+                          "first"
+           : state_->hand
+               ? in_quotes(state_->hand->region) + " is in the hand: let it go first"
+               : "";
+}
+
 void Editing::export_model(const std::string& path, Overwrite overwrite)
 {
-    const std::shared_ptr<const DeformedSamples> patch = result();
-    if (!patch)
-        throw Error(Fault::Usage, "the result is not there yet");
+    if (const std::string why = why_no_export(); !why.empty())
+        throw Error(Fault::Usage, why);
+    const std::shared_ptr<const DeformedSamples> patch =
+        state_->film ? state_->film_deformed : result();
     const GeometryFile& model = *state_->document.model();
     check_output_format(path, model.geometry.format);
     check_geometry_output(path, model, overwrite);
@@ -685,6 +822,8 @@ void Editing::export_model(const std::string& path, Overwrite overwrite)
 
 void Editing::export_field(const std::string& path, Overwrite overwrite)
 {
+    if (const std::string why = why_no_field_export(); !why.empty())
+        throw Error(Fault::Usage, why);
     const Document& document = state_->document;
     if (extension_of(path) != "cwf")
         throw Error(Fault::Usage,

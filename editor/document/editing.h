@@ -39,15 +39,23 @@ public:
     /// be called once a drawn frame. True if there is something new to see. Where it
     /// throws, for want of memory or threads, the next call goes on.
     bool update();
-    /// Until the result of the document is there, or has failed. For tests and scripts.
+    /// Until the result of the document is there, has failed, or is not asked for. For
+    /// tests and scripts.
     void wait_for_result();
     /// Further on until a drag could begin and no field is being written.
+    void wait_for_drag();
+    /// Further on until there is nothing more to say of the result.
     void wait();
     /// Gives the solve up that is under way; the document stays.
     void cancel();
 
-    /// After it was given up, or failed: asks for the result once more.
-    void solve_again();
+    /// Asks for the result: where opening the document has not, and once more after it
+    /// was given up, or failed.
+    void solve();
+    /// Nothing has asked for the result: the model is seen at rest, with its skeleton. A
+    /// document is opened so that the keys of its scene move, and one in time, until an
+    /// edit is begun: such scenes are played.
+    bool is_unsolved() const;
 
     /// View space: model axes, the rest model's box from 0 on, scaled by a power of two
     /// to a longest side of 1 at the most.
@@ -82,8 +90,10 @@ public:
     std::optional<Placement> dragged_placement() const;
 
     /// A frame of a film is seen instead of the shape, and nothing can be taken into the
-    /// hand; null: the shape again.
-    void show_instead(std::shared_ptr<const ShownShape> frame);
+    /// hand; null: the shape again. \p deformed: the frame as a file holds it; null: it
+    /// cannot be exported.
+    void show_instead(std::shared_ptr<const ShownShape> frame,
+                      std::shared_ptr<const DeformedSamples> deformed = nullptr);
     bool shows_film() const;
 
     /// Makes a rod of the centre line of the limb at some samples, or of the whole shape:
@@ -93,9 +103,13 @@ public:
     /// What came of the last one, once.
     std::optional<DrawnLine> take_drawn();
 
-    /// Writes the deformed model. Throws Error; Fault::Usage while the result is not
-    /// there.
+    /// Why what is seen can be written to no file now; empty: it can.
+    std::string why_no_export() const;
+    /// Writes the model as it is seen: as it is edited, or the frame of a film. Throws
+    /// Error; Fault::Usage with why_no_export().
     void export_model(const std::string& path, Overwrite overwrite);
+    /// Why the field of what is seen cannot be written now; empty: it can be tried.
+    std::string why_no_field_export() const;
     /// Begins to write the field of all stages, for `cellwarp apply`; the whole document
     /// is replayed for it, in a thread of its own. Edits meanwhile do not change it; the
     /// end of this object cancels it. Throws Error for what is known at once, and while

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A record of the journal is an edit, or "at N": from here on N edits are done, or
-// "closed WORD": the document ended here, and its files say what it does at this place.
-// An edit that comes after an undo takes the place of what was undone.
+// "closed WORD": the document ended here, and its files say what it does at this place,
+// or "kept WORD": it ended here, and its files do not. An edit that comes after an undo
+// takes the place of what was undone.
 #include "editor/document/history.h"
 
 #include <algorithm>
@@ -17,7 +18,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::string_view kMoved = "at ", kClosed = "closed ";
+constexpr std::string_view kMoved = "at ", kClosed = "closed ", kKept = "kept ";
 
 bool changes_content(const Edit& edit)
 {
@@ -42,6 +43,8 @@ History::History(Journal journal, const JournalContents& contents)
             closed_content_ = content();
             continue;
         }
+        if (text.starts_with(kKept))
+            continue;
         const std::string where = journal_.path() + ": record " + std::to_string(r + 1);
         if (!text.starts_with(kMoved))
         {
@@ -86,16 +89,31 @@ void History::close(const std::string& word)
     journal_.sync();
 }
 
+void History::keep(const std::string& word)
+{
+    journal_.append(std::string(kKept) + word);
+    journal_.sync();
+}
+
 History::End History::end_of(const Journal& journal, const JournalContents& contents)
 {
     End end;
-    for (std::size_t r = contents.starts.size(); r-- > 0; ++end.records_after)
-        if (const std::string text = journal.read(contents.starts[r]);
-            text.starts_with(kClosed))
+    for (std::size_t r = contents.starts.size(); r-- > 0;)
+    {
+        const std::string text = journal.read(contents.starts[r]);
+        if (text.starts_with(kClosed))
         {
-            end.word = text.substr(kClosed.size());
+            end.word = end.word.value_or(text.substr(kClosed.size()));
             break;
         }
+        if (!text.starts_with(kKept))
+            ++end.records_after;
+        else if (!end.word)
+        {
+            end.word = text.substr(kKept.size());
+            end.is_kept = r + 1 == contents.starts.size();
+        }
+    }
     return end;
 }
 

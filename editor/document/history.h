@@ -42,15 +42,20 @@ public:
     /// Ends the journal well: the file stays, for the next time, with a word of the
     /// caller's. Nothing more may be added. Throws Fault::File.
     void close(const std::string& word);
+    /// The same where the files do not say what the edits amount to: the next time goes
+    /// on with all of them. Throws Fault::File.
+    void keep(const std::string& word);
     /// content() at the last close() before this history was opened; none: there was
     /// none.
     std::optional<std::uint32_t> closed_content() const { return closed_content_; }
-    /// How a journal ended: with its last close() (none: it did not), and how many
-    /// records have come after that.
+    /// How a journal ended: with the word of its last close() or keep() (none: of
+    /// neither), how many edits have come after its last close(), and whether keep()
+    /// ended it.
     struct End
     {
         std::optional<std::string> word;
         std::size_t records_after = 0;
+        bool is_kept = false;
     };
     static End end_of(const Journal& journal, const JournalContents& contents);
 

@@ -28,16 +28,31 @@ PreparedDrag prepare_drag(DragSource source)
     const DragSource& from = made.source;
     const WorkFrame& work = from.body->rest->frame;
     std::vector<SampleNormal> normals;
+    normals.reserve(from.rest->size());
     for (const Eigen::Vector3d& normal : sample_normals(from.model->geometry, *from.rest))
         normals.push_back(
             {static_cast<std::uint32_t>(normals.size()), work.axes * normal});
     DragSettings settings;
     settings.field = from.field;
     made.drag = std::make_unique<Drag>(system_of(from, from.state), settings, normals);
-    made.drag->start_from(from.state.poses, from.state.motions);
+    std::vector<SampleNormal>().swap(normals); // what follows takes memory, too
+    made.drag->start_from(from.state);
     made.layout = layout_of(from.model->geometry, made.drag->samples().order());
     made.to_view = view_of_work(work, from.view);
     return made;
+}
+
+bool serves_on(const PreparedDrag& made, const DragSource& source)
+{
+    return made.source.body == source.body && made.source.regions == source.regions &&
+           made.source.rest == source.rest && made.source.field == source.field &&
+           made.source.stage_fingerprint == source.stage_fingerprint;
+}
+
+void start_from(PreparedDrag& made, DragSource source)
+{
+    made.drag->start_from(source.state);
+    made.source = std::move(source);
 }
 
 std::optional<PreparedDrag> refined(const DragSource& source,

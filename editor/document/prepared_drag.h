@@ -40,6 +40,11 @@ struct PreparedDrag
 
 PreparedDrag prepare_drag(DragSource source);
 
+/// Whether a drag needs only to start from another state to be that of \p source.
+bool serves_on(const PreparedDrag& made, const DragSource& source);
+/// Starts it from there. \pre serves_on()
+void start_from(PreparedDrag& made, DragSource source);
+
 /// The same in smaller cells, where the deformation wants them; nothing where it does
 /// not. \p state: of the cells of \p source now.
 std::optional<PreparedDrag> refined(const DragSource& source,

@@ -6,6 +6,7 @@
 
 #include "editor/document/worker.h"
 #include "editor/session/default_plane.h"
+#include "editor/session/large_heap.h"
 #include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
 #include "editor/session/script_fingerprint.h"
@@ -22,6 +23,9 @@ namespace
 
 /// Points of the curve of energy at the most: as many as a small plot can show.
 constexpr std::size_t kCurve = 512;
+
+/// Of models with more samples freed memory goes back to the system after each solve.
+constexpr std::size_t kFreesAbove = 250'000;
 
 /// What a request that was given up says of itself.
 constexpr const char* kCancelled = "cancelled";
@@ -53,6 +57,9 @@ struct SolveWorker::State
     std::optional<Session> session;
     std::shared_ptr<const RestShape> shape; ///< of the model, until it is in the session
     SceneFile session_scene;                ///< of both
+    /// Of the stage with this fingerprint; its results share it.
+    std::shared_ptr<const std::vector<Eigen::Vector3d>> rest;
+    std::uint64_t rest_fingerprint = 0;
 
     Worker<SolveRequest, Solved> worker;
 
@@ -177,13 +184,13 @@ struct SolveWorker::State
             session->next_frame(left == 1);
     }
 
-    void describe(SolveStatus& s) const
+    ResultFigures figures() const
     {
+        ResultFigures s;
         const CellSystem& system = *session->system();
         s.report.reset();
         if (!session->frames().empty())
             s.report = session->frames().back();
-        s.warnings = session->warnings();
         s.cells = system.body().cells.size();
         s.free_cells = 0;
         s.cells_per_depth.clear();
@@ -204,9 +211,10 @@ struct SolveWorker::State
         const Field* const now = session->field();
         s.centres = now ? now->parts().num_centres : 0;
         s.clusters = now ? now->num_clusters() : 0;
+        return s;
     }
 
-    Solved result_of(const SolveRequest& request) const
+    Solved result_of(const SolveRequest& request)
     {
         const CellSystem& system = *session->system();
         Solved out;
@@ -216,9 +224,15 @@ struct SolveWorker::State
         out.shape = shown_at(model->geometry, out.patch->samples, request.layout, view);
         out.shape.lines = shown_lines(system, view);
         out.cells = shown_cells(system, system.poses(), view);
-        out.rest =
-            std::make_shared<const std::vector<Eigen::Vector3d>>(session->rest_samples());
         out.stage_fingerprint = session->stage_fingerprint();
+        if (!rest || rest_fingerprint != out.stage_fingerprint)
+        {
+            rest.reset();
+            rest = std::make_shared<const std::vector<Eigen::Vector3d>>(
+                session->rest_samples());
+            rest_fingerprint = out.stage_fingerprint;
+        }
+        out.rest = rest;
         out.borders = session->borders();
         const auto& regions = system.regions().regions();
         const SessionSettings preview = settings_of(request.scene, true);
@@ -270,18 +284,18 @@ struct SolveWorker::State
             solve(request);
             tell([](SolveStatus& s) { s.state = SolveStatus::State::Field; });
             Solved out = result_of(request);
-            SolveStatus done;
-            tell([&](SolveStatus& s) { done = s; });
-            describe(done); // takes a while: whoever asks for the status does not wait
-            done.state = SolveStatus::State::Idle;
-            done.seconds = seconds_since(started);
+            out.figures = figures();
+            if (out.patch->samples.size() > kFreesAbove)
+                release_freed_memory(); // the next drag is made of other arrays
             worker.alone(
                 [&]
                 {
                     if (is_cancelled) // it may be another request that was waiting
                         return say_cancelled();
                     worker.give(out);
-                    status = std::move(done);
+                    status.state = SolveStatus::State::Idle;
+                    status.seconds = seconds_since(started);
+                    status.warnings = session->warnings();
                 });
         }
         catch (const Stopped&)
@@ -392,6 +406,11 @@ SolveStatus SolveWorker::status() const
             SolveStatus status = state_->status;
             if (state_->worker.is_working())
                 status.seconds = seconds_since(state_->started);
+            else if (state_->worker.is_asked())
+                status.state = SolveStatus::State::Preparing;
+            // Nothing is done before it can be seen.
+            if (status.state == SolveStatus::State::Idle && state_->worker.has_result())
+                status.state = SolveStatus::State::Field;
             return status;
         });
 }

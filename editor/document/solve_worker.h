@@ -19,12 +19,24 @@
 namespace cellwarp
 {
 
+/// What is known of a result.
+struct ResultFigures
+{
+    std::optional<FrameReport> report; ///< of the last frame
+    std::size_t cells = 0, free_cells = 0, centres = 0, clusters = 0;
+    std::vector<int> cells_per_depth;
+    int across = 0;
+    double energy = 0.0, max_gap = 0.0;
+    double diagonal = 0.0; ///< [model unit]
+    std::string inside;    ///< how the inside was found
+};
+
 /// What the solve thread is doing, and what it did last.
-struct SolveStatus
+struct SolveStatus : ResultFigures
 {
     enum class State
     {
-        Idle,      ///< the result of the document is there
+        Idle,      ///< nothing is asked for, and the last result was taken
         Preparing, ///< material, cells
         Solving,
         Field, ///< release field
@@ -38,15 +50,6 @@ struct SolveStatus
     std::string error;             ///< in words; of the last attempt
     std::string error_region;      ///< that it concerns, if it is one
     std::vector<std::string> warnings;
-
-    // Of the last result.
-    std::optional<FrameReport> report; ///< of the last frame
-    std::size_t cells = 0, free_cells = 0, centres = 0, clusters = 0;
-    std::vector<int> cells_per_depth;
-    int across = 0;
-    double energy = 0.0, max_gap = 0.0;
-    double diagonal = 0.0; ///< [model unit]
-    std::string inside;    ///< how the inside was found
     /// Energy against seconds of the last solve.
     std::vector<std::pair<double, double>> energy_curve;
 };
@@ -69,6 +72,7 @@ struct Solved
     std::shared_ptr<const DeformedSamples> patch;
     ShownShape shape;
     ShownCells cells;
+    ResultFigures figures;
     std::shared_ptr<const std::vector<Eigen::Vector3d>> rest; ///< of the last stage
     std::uint64_t stage_fingerprint = 0;
     std::map<std::string, Eigen::Vector3d> borders; ///< Session::borders()

@@ -91,6 +91,7 @@ public:
     // In alone().
 
     bool is_asked() const { return asked_.has_value(); }
+    bool has_result() const { return has_result_; } ///< that was not taken
     /// Whether a request has begun, and the next one not.
     bool is_working() const { return is_working_; }
     void forget_request() { asked_.reset(); }

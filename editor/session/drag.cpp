@@ -63,9 +63,9 @@ DragReport Drag::frame(std::span<const Motion> motions,
     return report;
 }
 
-void Drag::start_from(std::span<const Pose> poses, std::span<const Motion> motions)
+void Drag::start_from(const CellSystemState& state)
 {
-    system_->set_state(poses, motions);
+    system_->set_state(state);
     blend();
 }
 

@@ -44,8 +44,8 @@ public:
     DragReport frame(std::span<const Motion> motions,
                      std::span<const std::shared_ptr<const SplineState>> splines = {});
 
-    /// Shows \p poses, at which the regions have made \p motions.
-    void start_from(std::span<const Pose> poses, std::span<const Motion> motions);
+    /// Shows \p state, of a system in the same cells with the same regions.
+    void start_from(const CellSystemState& state);
 
     const CellSystem& system() const { return *system_; }
     /// Places three numbers each [work], in an order of their own; see SampleBlend.

@@ -11,6 +11,7 @@
 
 #include "editor/window/panels.h"
 #include "editor/window/style.h"
+#include "editor/window/warning_words.h"
 #include "editor/window/widgets.h"
 
 namespace cellwarp
@@ -180,18 +181,18 @@ float done_of(const SolveStatus& status)
 
 /// Some of them, and the others where the user unfolds them: what stands below is to be
 /// seen, too.
-void show_warnings(const std::vector<std::string>& warnings)
+void show_warnings(const std::vector<std::string>& warnings, const Document& document)
 {
     const std::size_t first = std::min(warnings.size(), kWarningsShown);
     for (std::size_t k = 0; k < first; ++k)
-        warning_text(warnings[k]);
+        warning_text(in_window_words(warnings[k], document));
     if (first == warnings.size())
         return;
     const std::string more = "and " + std::to_string(warnings.size() - first) + " more";
     if (!ImGui::TreeNode("warnings", "%s", more.c_str()))
         return;
     for (std::size_t k = first; k < warnings.size(); ++k)
-        warning_text(warnings[k]);
+        warning_text(in_window_words(warnings[k], document));
     ImGui::TreePop();
 }
 
@@ -248,6 +249,22 @@ void show_report(const SolveStatus& status)
                rounded(report.solve_ms) + " ms");
     value_pair("Fit", rounded(report.fit_ms) + " ms", "Apply",
                rounded(report.apply_ms) + " ms");
+}
+
+/// Nothing has been solved yet, for nobody has asked.
+void show_unsolved(EditorApp& app)
+{
+    std::size_t frames = 0;
+    for (const Stage& stage : app.document().handles().stages)
+        frames += stage.frames.size();
+    ImGui::TextUnformatted("At rest, not solved");
+    if (frames > 0 &&
+        ImGui::Button(frames == 1
+                          ? "Solve its frame"
+                          : ("Solve its " + std::to_string(frames) + " frames").c_str()))
+        app.opened()->editing.solve();
+    faint_text(frames > 0 ? "An edit solves them, too; Play does not need them."
+                          : "Cells are made when something is edited.");
 }
 
 } // namespace
@@ -367,6 +384,13 @@ void show_solver_panel(EditorApp& app)
     const SolveStatus status = app.opened()->editing.status();
     if (!section("Solver", true))
         return;
+    if (app.opened()->editing.is_unsolved())
+    {
+        show_unsolved(app);
+        return;
+    }
+    if (app.opened()->editing.shows_film())
+        faint_text("Of what is edited, not of what is played:");
     const bool is_working = status.state == SolveStatus::State::Preparing ||
                             status.state == SolveStatus::State::Solving ||
                             status.state == SolveStatus::State::Field;
@@ -384,10 +408,10 @@ void show_solver_panel(EditorApp& app)
     if (status.state == SolveStatus::State::Failed && status.error_region.empty())
         error_text(status.error);
     if (status.state == SolveStatus::State::Failed && ImGui::Button("Solve again"))
-        app.opened()->editing.solve_again();
+        app.opened()->editing.solve();
     // Before there is a region nothing is wrong yet.
     if (!app.document().regions().empty())
-        show_warnings(status.warnings);
+        show_warnings(status.warnings, app.document());
     show_report(status);
     show_energy_curve(status);
 }

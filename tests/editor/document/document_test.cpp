@@ -1071,6 +1071,37 @@ TEST(Document, one_process_edits_a_file_at_a_time)
     EXPECT_TRUE(contains(error_of(Fault::File, [&] { bar.open(); }), "in use by"));
 }
 
+TEST(Document, kept_edits_are_there_the_next_time_and_not_asked_for)
+{
+    const support::Folder folder;
+    const std::string model = folder.write(
+        "bar.obj", support::obj_text(support::box_shape({0, 0, 0}, {3, 1, 1}, 4)));
+    for (std::size_t k = 1; k <= 2; ++k)
+    {
+        Document document(model, folder.path());
+        Selection selection(document.selection().num_samples());
+        selection.add(k);
+        document.select(selection, "One");
+        document.add_region(Role::Stiff, "part" + std::to_string(k));
+        document.close("", Unsaved::Keep);
+    }
+    {
+        Document document(model, folder.path());
+        EXPECT_EQ(document.num_recoverable(), 0u);
+        EXPECT_EQ(document.warnings(), std::vector<std::string>{});
+        EXPECT_EQ(document.history().size(), 4u);
+        EXPECT_EQ(document.regions().size(), 2u);
+        EXPECT_FALSE(document.is_saved());
+        // What is saved leaves nothing to keep.
+        document.save(folder / "s.json");
+        document.close("", Unsaved::Keep);
+    }
+    const Document again(folder / "s.json", folder.path());
+    EXPECT_EQ(again.num_recoverable(), 0u);
+    EXPECT_TRUE(again.is_saved());
+    EXPECT_EQ(again.history().size(), 4u);
+}
+
 TEST(Document, settings_that_a_record_of_an_older_version_leaves_out_stay)
 {
     const Edit edit = parse_edit(

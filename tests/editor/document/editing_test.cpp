@@ -477,7 +477,7 @@ TEST(Editing, what_was_given_up_can_be_asked_for_again)
     EXPECT_EQ(editing.result(), nullptr);
     EXPECT_EQ(editing.status().state, SolveStatus::State::Failed);
     EXPECT_EQ(editing.status().error, "cancelled");
-    editing.solve_again();
+    editing.solve();
     editing.wait();
     EXPECT_NE(editing.result(), nullptr) << editing.status().error;
     EXPECT_EQ(editing.status().state, SolveStatus::State::Idle);

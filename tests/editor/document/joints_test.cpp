@@ -84,6 +84,47 @@ TEST(Joints, stand_behind_the_regions_at_their_places)
     EXPECT_TRUE(document.warnings().empty());
 }
 
+TEST(Joints, are_seen_at_rest_at_once_and_their_keys_are_solved_when_somebody_asks)
+{
+    Limb limb;
+    limb.scene = limb.folder.write("k.json", R"({"cellwarp": 1, "model": "bar.obj",
+        "cells": {"across": 12, "max_depth": 0}, "skeleton": {"joints": [
+            {"name": "root", "parent": null, "at": [0, 0, 0]},
+            {"name": "knee", "parent": "root", "at": [0, 0, 2]},
+            {"name": "foot", "parent": "knee", "at": [0, 0, 4]}],
+            "keys": [{"time": 0, "joint": "knee", "rotate": [1, 0, 0, 10]},
+                     {"time": 1, "joint": "knee", "rotate": [1, 0, 0, 40]}]}})");
+    Editing editing(limb.open());
+    const auto place = [&](std::size_t joint) -> Vector3d
+    { return editing.view_frame().to_model(editing.shape().lines[joint].points[0]); };
+    ASSERT_EQ(editing.shape().lines.size(), 3u);
+    EXPECT_EQ(editing.shape().lines[2].name, "foot");
+    EXPECT_LT((place(2) - Vector3d(0, 0, 4)).norm(), 1e-12);
+    EXPECT_TRUE(editing.is_unsolved());
+    editing.wait();
+    EXPECT_EQ(editing.result(), nullptr);
+    EXPECT_EQ(editing.status().cells, 0u);
+    EXPECT_EQ(editing.document().num_frames_without_key(), 0u);
+    editing.solve();
+    EXPECT_FALSE(editing.is_unsolved());
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_GT((place(2) - Vector3d(0, 0, 4)).norm(), 1.0);
+    // What the hand takes is asked for, too, and so is every edit.
+    Editing second(limb.open());
+    EXPECT_TRUE(second.begin_drag("foot"));
+    EXPECT_FALSE(second.is_unsolved());
+    second.cancel_drag();
+    Editing third(limb.open());
+    third.document().move_region("knee", turned(*third.document().region("knee"), 70));
+    EXPECT_FALSE(third.is_unsolved());
+    EXPECT_EQ(third.document().num_frames_without_key(), 1u);
+    // Frames of a handle file are what is edited: they are solved at once.
+    Document posed = limb.open();
+    posed.save(limb.folder / "posed.json", Overwrite::No, SavedPart::Poses);
+    EXPECT_FALSE(Editing(Document(limb.folder / "posed.json", "")).is_unsolved());
+}
+
 TEST(Joints, a_turn_in_the_world_is_told_about_the_axes_that_the_parent_has_turned)
 {
     const Limb limb;
@@ -155,11 +196,22 @@ TEST(Joints, what_is_saved_opens_as_it_was_and_says_the_joints_once)
     document.move_region("knee", turned(*document.region("knee"), 40));
     const std::string copy = limb.folder / "copy.json";
     document.save(copy, Overwrite::No);
-    EXPECT_FALSE(contains(read_file(copy), "skeleton"));
-    EXPECT_TRUE(contains(read_file(limb.folder / "copy.handles"), "joint knee at 0 0 2"));
-    const Document again(copy, "");
-    EXPECT_EQ(again.regions().size(), 3u);
-    EXPECT_LT((place_of(again, "foot") - place_of(document, "foot")).norm(), 1e-12);
+    EXPECT_TRUE(contains(read_file(copy), "skeleton"));
+    const std::string handles = read_file(limb.folder / "copy.handles");
+    EXPECT_FALSE(contains(handles, "joint knee at"));
+    EXPECT_TRUE(contains(handles, "move knee"));
+    {
+        Document again(copy, "");
+        EXPECT_TRUE(again.warnings().empty());
+        EXPECT_EQ(again.regions().size(), 3u);
+        EXPECT_LT((place_of(again, "foot") - place_of(document, "foot")).norm(), 1e-12);
+        again.save(copy); // nobody else has changed it
+    }
+    // The poses alone have the joints beside them.
+    document.save(limb.folder / "poses.json", Overwrite::No, SavedPart::Poses);
+    EXPECT_FALSE(contains(read_file(limb.folder / "poses.json"), "skeleton"));
+    EXPECT_TRUE(
+        contains(read_file(limb.folder / "poses.handles"), "joint knee at 0 0 2"));
 }
 
 TEST(Joints, can_only_be_moved)

@@ -347,6 +347,65 @@ TEST(Threads, material_under_way_ends_when_it_is_not_wanted_and_serves_other_sta
     EXPECT_LT(cpu() - begin, 1.3 * whole);
 }
 
+TEST(Threads, nothing_is_done_before_its_shape_can_be_seen)
+{
+    const support::BarDocument bar(8);
+    SceneFile scene;
+    scene.settings.cells.across = 10;
+    Document held = bar.open(false);
+    hold_ends(held);
+    SolveWorker worker(held.model(), automatic_frame(held.box()));
+    const auto layout = layout_of(held.model()->geometry);
+    for (const std::uint64_t revision : {1, 2})
+    {
+        worker.ask({revision, held.handles(), scene, layout});
+        EXPECT_NE(worker.status().state, SolveStatus::State::Idle); // asked for
+        while (worker.is_busy())
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        EXPECT_EQ(worker.status().state, SolveStatus::State::Field);
+        const std::optional<Solved> solved = worker.take();
+        ASSERT_TRUE(solved);
+        EXPECT_GT(solved->figures.cells, 0u);
+        EXPECT_EQ(worker.status().state, SolveStatus::State::Idle);
+    }
+}
+
+TEST(Threads, a_drag_in_the_same_cells_serves_on_from_where_the_next_one_begins)
+{
+    const support::BarDocument bar(8);
+    SceneFile scene;
+    scene.settings.cells.across = 10;
+    scene.settings.cells.max_depth = 0;
+    Document held = bar.open(false);
+    hold_ends(held);
+    SolveWorker worker(held.model(), automatic_frame(held.box()));
+    const auto layout = layout_of(held.model()->geometry);
+    const auto solved = [&](std::uint64_t revision)
+    {
+        worker.ask({revision, held.handles(), scene, layout});
+        std::optional<Solved> solved;
+        while (!(solved = worker.take()) &&
+               worker.status().state != SolveStatus::State::Failed)
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        return *solved->drag;
+    };
+    PreparedDrag drag = prepare_drag(solved(1));
+    held.move_region("head", bent(30, 0.2));
+    const DragSource next = solved(2);
+    ASSERT_TRUE(serves_on(drag, next));
+    start_from(drag, next);
+    const PreparedDrag anew = prepare_drag(next);
+    const auto places = [](const PreparedDrag& of)
+    {
+        const std::span<const float> now = of.drag->samples().positions();
+        return std::vector<float>(now.begin(), now.end());
+    };
+    EXPECT_EQ(places(drag), places(anew));
+    // Other regions are another drag.
+    held.set_role("head", Role::Pin);
+    EXPECT_FALSE(serves_on(drag, solved(3)));
+}
+
 TEST(Threads, a_drag_whose_smaller_cells_fail_goes_on_in_its_own)
 {
     const support::BarDocument bar(8);
