@@ -31,7 +31,9 @@ std::string next_step(const Document& document, const Progress& progress)
                    : "Press J to fix what is selected";
     if (!has([](const EditedRegion& region) { return region.moves(); }))
         return "Select the part to grab; press H";
-    return "Drag the arrows, or press G to move it and R to turn it";
+    return progress.tool == Tool::Move
+               ? "Drag the arrows, or press G to move it and R to turn it"
+               : "Press G to move it and R to turn it, or 5 for its arrows";
 }
 
 } // namespace cellwarp

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "editor/document/document.h"
+#include "editor/tools/events.h"
 
 namespace cellwarp
 {
@@ -13,7 +14,8 @@ namespace cellwarp
 struct Progress
 {
     bool is_dragging = false;
-    int num_drags = 0; ///< that changed something, in this session
+    int num_drags = 0;     ///< that changed something, in this session
+    Tool tool = Tool::Box; ///< in use
 };
 
 /// Empty for who has bent a shape before, or opened one that is bent.

@@ -352,8 +352,8 @@ std::string Interaction::status() const
 std::string Interaction::hint() const
 {
     const State& s = *state_;
-    std::string next =
-        next_step(s.document(), {s.current<State::HandleDrag>() != nullptr, s.num_drags});
+    std::string next = next_step(
+        s.document(), {s.current<State::HandleDrag>() != nullptr, s.num_drags, s.tool});
     if (s.num_left_out == 0 || s.left_out_at != s.document().revision())
         return next;
     return fmt::format("{} hidden behind {} left out (Alt+Z: take what is hidden, too)",

@@ -51,10 +51,12 @@ void Interaction::State::key(const KeyEvent& event)
             snap_pivot();
         return;
     }
+    const auto command = command_of(event);
+    if (command && !looks(*command))
+        finish_selecting();
     // A region may also be in the hand of a number field: no commands meanwhile.
     if (!is_idle() || editing.dragged())
         return;
-    const auto command = command_of(event);
     if (command && (!editing.shows_film() || looks(*command)))
         attempt([&] { run(*command); });
 }
@@ -207,9 +209,6 @@ void Interaction::State::make_region(Role role)
 {
     active = document().add_region(role);
     active_point.reset();
-    // What can be moved is moved next.
-    if (document().region(active)->moves())
-        tool = Tool::Move;
 }
 
 void Interaction::State::remove_region()

@@ -216,6 +216,21 @@ void Interaction::State::end_choice()
     left_out_at = document().revision();
 }
 
+void Interaction::State::finish_selecting()
+{
+    if (Choice* const choice = current<Choice>(); choice && choice->is_released)
+    {
+        while (!choice->gesture.look(picker, kLooksAtOnce))
+            continue;
+        end_choice();
+    }
+    if (!spread || editing.dragged())
+        return;
+    neighbours.wait();
+    if (const Neighbours* const around = neighbours.get())
+        attempt([&] { run_spread(*around); });
+}
+
 void Interaction::State::click(const Press& press)
 {
     if (tool == Tool::Draw)
@@ -240,8 +255,6 @@ void Interaction::State::click(const Press& press)
         }
         return;
     }
-    if (!picker.is_ready())
-        return;
     Selection chosen(document().selection().num_samples());
     if (press.picked)
         chosen.add(press.picked->sample);
@@ -275,8 +288,11 @@ void Interaction::State::press(Button button, const Modifiers& with)
     }
     if ((current<Choice>() || current<PivotDrag>()) && button == Button::Right)
         return cancel();
+    finish_selecting();
     if (!is_idle())
         return;
+    if (!picker.is_ready()) // of a shape that has just been opened
+        update_picker(true);
     const std::optional<Picked> picked = picker.pick(camera.ray(pixel));
     const auto depth =
         picked ? std::optional(picked->point) : std::optional<Eigen::Vector3d>();

@@ -250,6 +250,9 @@ struct Interaction::State
     }
     void update_choice();
     void end_choice();
+    /// Completes the selection that earlier events asked for and that is still being
+    /// found, before a press or a key that follows them.
+    void finish_selecting();
     void click(const Press& press);
 
     // Buttons and the pointer.

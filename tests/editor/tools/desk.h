@@ -131,6 +131,7 @@ struct Desk
         key('j');
         select(2.9, 3.1);
         key('h');
+        key('5'); // its arrows
         frame();
     }
     const EditedRegion& region(const std::string& name)

@@ -40,7 +40,9 @@ TEST(Interaction, a_box_selects_and_keys_name_what_is_selected)
     desk.select(2.9, 3.1);
     desk.key('h');
     EXPECT_EQ(desk.hand.active_region(), "handle");
-    EXPECT_EQ(desk.hand.tool(), Tool::Move); // and the arrows are there
+    EXPECT_EQ(desk.hand.tool(), Tool::Box); // another box may follow
+    EXPECT_TRUE(desk.hand.gizmo().empty());
+    desk.key('5');
     EXPECT_EQ(desk.hand.gizmo().size(), 4u); // two arrows, a square, a circle
     EXPECT_EQ(desk.depth(), 4u);
     desk.key(Key::Delete);
@@ -399,6 +401,9 @@ TEST(Interaction, hints_lead_to_the_first_bend_and_then_end)
     desk.select(2.9, 3.1);
     desk.key('h');
     EXPECT_EQ(desk.hand.hint(),
+              "Press G to move it and R to turn it, or 5 for its arrows");
+    desk.key('5');
+    EXPECT_EQ(desk.hand.hint(),
               "Drag the arrows, or press G to move it and R to turn it");
     desk.click(desk.on(GizmoPart::Kind::Axis, 1)); // that was no drag
     EXPECT_EQ(desk.hand.hint(),
@@ -581,6 +586,53 @@ TEST(Interaction, keys_choose_views_and_what_is_framed)
     EXPECT_FALSE(desk.hand.camera().is_perspective());
     desk.key('5', kAlt);
     EXPECT_TRUE(desk.hand.camera().is_perspective());
+}
+
+TEST(Interaction, the_tool_in_use_stays_whatever_region_is_made)
+{
+    for (const Tool tool : {Tool::Box, Tool::Lasso, Tool::Brush, Tool::Rotate})
+        for (const char made : {'j', 'h', 'p', 'k'})
+        {
+            Desk desk;
+            desk.select(2.9, 3.1);
+            desk.hand.set_tool(tool);
+            desk.key(made);
+            EXPECT_EQ(desk.depth(), 2u);
+            EXPECT_EQ(desk.hand.tool(), tool);
+        }
+}
+
+TEST(Interaction, what_follows_a_selection_that_is_still_being_found_is_not_lost)
+{
+    // No frame comes between: neighbours are not known yet, what is hidden neither.
+    Desk desk;
+    desk.select(-0.1, 0.1);
+    desk.key('+');
+    desk.key('j');
+    EXPECT_EQ(desk.region("fixed").samples.size(), 73u); // grown, then fixed
+    // More samples than are looked at in a frame.
+    Desk fine(
+        [](const support::Folder& folder)
+        {
+            return folder.write("fine.obj", support::obj_text(support::box_shape(
+                                                {0, 0, 0}, {3, 1, 1}, 110)));
+        });
+    fine.hand.set_tool(Tool::Box);
+    fine.hand.set_selects_through(false);
+    fine.press(fine.pixel({-0.2, -0.2, 0.5}));
+    fine.move(fine.pixel({3.2, 1.2, 0.5}));
+    fine.hand.button(Button::Left, false, {});
+    EXPECT_TRUE(fine.hand.is_busy());
+    fine.key('h');
+    EXPECT_EQ(fine.last_edit(), "Make handle");
+    EXPECT_GT(fine.region("handle").samples.size(), 10000u);
+    // Another box, too.
+    fine.press(fine.pixel({-0.2, -0.2, 0.5}));
+    fine.move(fine.pixel({3.2, 1.2, 0.5}));
+    fine.hand.button(Button::Left, false, {});
+    fine.drag(fine.pixel({-0.2, -0.2, 0.5}), fine.pixel({0.5, 1.2, 0.5}));
+    EXPECT_EQ(fine.depth(), 4u);
+    EXPECT_LT(fine.document().selection().count(), fine.region("handle").samples.size());
 }
 
 TEST(Interaction, tab_goes_from_handle_to_handle)
