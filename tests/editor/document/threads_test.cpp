@@ -383,11 +383,11 @@ TEST(Threads, a_drag_in_the_same_cells_serves_on_from_where_the_next_one_begins)
     const auto solved = [&](std::uint64_t revision)
     {
         worker.ask({revision, held.handles(), scene, layout});
-        std::optional<Solved> solved;
-        while (!(solved = worker.take()) &&
+        std::optional<Solved> result;
+        while (!(result = worker.take()) &&
                worker.status().state != SolveStatus::State::Failed)
             std::this_thread::sleep_for(std::chrono::milliseconds(1));
-        return *solved->drag;
+        return *result->drag;
     };
     PreparedDrag drag = prepare_drag(solved(1));
     held.move_region("head", bent(30, 0.2));
