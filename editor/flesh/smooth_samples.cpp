@@ -29,7 +29,7 @@ SmoothSamples::SmoothSamples(const FleshBody& body)
         find_near_bones(body);
 }
 
-/// The points that bones hold, but for those that are no place of a bone.
+/// The points that bones hold, without the nodes of the lattice that are leaving.
 SmoothSamples::Bones SmoothSamples::bones_of(const FleshBody& body)
 {
     Bones out;
@@ -95,17 +95,18 @@ void SmoothSamples::find_near_bones(const FleshBody& body)
                 {
                     NearBones& near = found[i].emplace();
                     near.sample = i;
-                    near.weight = {1.0, Vector3d::Zero(), true};
+                    near.weight = {1.0, Vector3d::Zero()};
                     near.shares.slope = 1.0;
                     near.shares.nodes = {
                         {reach.nearest[reach.nearest_of_node].nodes[0].index, 1.0,
                          Vector3d::Zero()}};
                 }
-                for (const RegionFades::Share& share : reach.shares)
+                else if (!reach.shares.empty()) // all bones are one region
                 {
+                    const RegionFades::Share& share = reach.shares.front();
                     NearBones& near = found[i].emplace();
                     near.sample = i;
-                    near.weight = {share.value, share.gradient, false};
+                    near.weight = {share.value, share.gradient};
                     bones_.fade->node_shares(samples_[i], reach.nearest[share.nearest],
                                              near.shares);
                 }

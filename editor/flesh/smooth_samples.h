@@ -24,8 +24,9 @@ public:
     /// \pre body.octree
     explicit SmoothSamples(const FleshBody& body);
 
-    /// Of each sample, in the work frame. \p u: of the nodes [m]; \p motions: of what
-    /// holds points [m]. Gradients are left 0 unless they are wanted.
+    /// Displacement and gradient of each sample, in the work frame. \p u: displacements
+    /// of the nodes [m]; \p motions: those that hold points [m]. Gradients are left 0
+    /// unless they are wanted.
     std::vector<FieldValue> values(const Eigen::VectorXd& u,
                                    std::span<const Motion> motions,
                                    bool wants_gradients) const;

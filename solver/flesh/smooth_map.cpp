@@ -12,7 +12,7 @@
 // next nodes along an axis linearly, the mean over the axes that lead to such. Along an
 // axis on which a node is the last one, its second difference is 0. A node around which
 // there is next to no material is where little holds it, and counts as one beyond, if
-// there are two others along an axis.
+// there are two others along an axis on which it is the last one.
 //
 // Cells of several sizes. The map is a spline on the grid of the smallest cells. Its
 // nodes in larger cells are those of the same map on a grid of twice the edge, and so on:
@@ -25,7 +25,7 @@
 // a corner; of several (a palm sees two fingers at one place) the one that is fewer boxes
 // away. It also sees what a glued box sees, unless the boxes that have it touch this one
 // and glue does not lead there. So a finger sees no node of the next one, and what nobody
-// has continues its own.
+// has is continued from its own nodes.
 //
 // Forks. The maps of two glued boxes may thus differ. Then one of them, b, goes over to
 // the other ones, n, at their sides: with t_n the way from that side in edges, w = t^2 (3
@@ -63,7 +63,7 @@ constexpr double kEnough = 0.5;
 /// Corners along an axis that a box sees: -1, 0, 1, 2 from its first one, in its edges.
 constexpr int kWide = 4, kSeen = kWide * kWide * kWide;
 
-/// Of what a box sees.
+/// The number of a place among those that a box sees.
 int number_of(const Vector3i& place)
 {
     return ((place.z() + 1) * kWide + place.y() + 1) * kWide + place.x() + 1;
@@ -201,7 +201,8 @@ struct SmoothLevel
     std::vector<std::int32_t> first_place; ///< of each corner, and one for their end
     std::vector<std::int32_t> places;      ///< kSeen * box + what it sees, ascending
     std::vector<std::int32_t> node;        ///< of each corner the lattice's; -1: none
-    std::vector<char> is_real;             ///< a corner of some box, with enough material
+    std::vector<char> is_corner;           ///< of some box
+    std::vector<char> is_real;             ///< likewise, with enough material around it
     /// Slots of values and coefficients; -1: not found yet.
     std::vector<std::int32_t> value, coefficient;
 
@@ -437,8 +438,8 @@ private:
             const auto first = idx(own.first_of(static_cast<int>(e)));
             if (first == e)
             {
-                number[e] = static_cast<std::int32_t>(level.is_real.size());
-                level.is_real.push_back(1);
+                number[e] = static_cast<std::int32_t>(level.is_corner.size());
+                level.is_corner.push_back(1);
             }
             number[e] = number[first];
         }
@@ -480,8 +481,8 @@ private:
             const auto first = idx(beyond.first_of(static_cast<int>(e)));
             if (first == e)
             {
-                seen = static_cast<std::int32_t>(level.is_real.size());
-                level.is_real.push_back(0);
+                seen = static_cast<std::int32_t>(level.is_corner.size());
+                level.is_corner.push_back(0);
             }
             seen = level.seen[first / kSeen][first % kSeen];
         }
@@ -491,7 +492,7 @@ private:
     static void see_through_others(SmoothLevel& level,
                                    std::span<const std::int32_t> number)
     {
-        std::vector<std::vector<int>> owners(level.is_real.size());
+        std::vector<std::vector<int>> owners(level.is_corner.size());
         for (std::size_t e = 0; e < number.size(); ++e)
             owners[idx(number[e])].push_back(static_cast<int>(e / 8));
         const auto is_apart = [&](int box, std::int32_t corner)
@@ -523,7 +524,7 @@ private:
     /// The lattice's nodes at corners; of several those that do not hang first.
     void find_nodes(SmoothLevel& level) const
     {
-        level.node.assign(level.is_real.size(), -1);
+        level.node.assign(level.is_corner.size(), -1);
         for (std::size_t c = 0; c < cells_.size(); ++c)
             for (int k = 0; k < 8; ++k)
             {
@@ -545,7 +546,7 @@ private:
 
     static void list_places(SmoothLevel& level)
     {
-        const std::size_t count = level.is_real.size();
+        const std::size_t count = level.is_corner.size();
         level.value.assign(count, -1);
         level.coefficient.assign(count, -1);
         level.first_place.assign(count + 1, 0);
@@ -564,7 +565,7 @@ private:
 
     void leave_what_little_holds(SmoothLevel& level) const
     {
-        std::vector<double> around(level.is_real.size(), 0.0); // material [box]
+        std::vector<double> around(level.is_corner.size(), 0.0); // material [box]
         for (std::size_t box = 0; box < level.seen.size(); ++box)
         {
             const auto share = [&](int cell)
@@ -583,19 +584,20 @@ private:
             for (int k = 0; k < 8; ++k)
                 around[idx(level.seen[box][idx(number_of(corner_place(k)))])] += held;
         }
-        std::vector<char> is_enough = level.is_real;
+        std::vector<char> is_enough = level.is_corner;
         for (std::size_t c = 0; c < around.size(); ++c)
             is_enough[c] = is_enough[c] && around[c] >= kEnough;
-        std::vector<char> is_real = is_enough;
+        level.is_real = is_enough;
         for (std::size_t c = 0; c < around.size(); ++c)
-            if (level.is_real[c] && !is_enough[c])
-                is_real[c] = ways_inward(level, static_cast<int>(c), is_enough).empty();
-        level.is_real = std::move(is_real);
+            if (level.is_corner[c] && !is_enough[c])
+                level.is_real[c] =
+                    ways_inward(level, static_cast<int>(c), is_enough).empty();
     }
 
-    /// Along the axes from a corner of boxes: the next two ones, both of \p good.
+    /// The next two corners, both good, along each axis on which a corner of boxes is the
+    /// last one.
     std::vector<std::pair<int, int>> ways_inward(const SmoothLevel& level, int corner,
-                                                 const std::vector<char>& good) const
+                                                 const std::vector<char>& is_good) const
     {
         std::vector<std::pair<int, int>> ways;
         for (const std::int32_t place : places_of(level, corner))
@@ -609,7 +611,9 @@ private:
                 const Vector3i step = Vector3i::Unit(axis) * (at[axis] == 0 ? 1 : -1);
                 const std::int32_t next = seen[idx(number_of(at + step))],
                                    after = seen[idx(number_of(at + 2 * step))];
-                if (good[idx(next)] && good[idx(after)])
+                const std::int32_t beyond = seen[idx(number_of(at - step))];
+                if (is_good[idx(next)] && is_good[idx(after)] &&
+                    !level.is_corner[idx(beyond)])
                     ways.emplace_back(next, after);
             }
         }

@@ -40,9 +40,9 @@ public:
     SmoothMap(const Octree& octree, const Cells& cells, const Lattice& lattice,
               std::span<const Place> places);
 
-    /// Of the places. \p u: displacements of the nodes, three numbers each [m]. Gradients
-    /// of the first places are left 0, as many as \p without. On all threads, to the same
-    /// bits.
+    /// Displacements and gradients at the places. \p u: displacements of the nodes, three
+    /// numbers each [m]. The first places, as many as \p without, get no gradient (0).
+    /// The bits do not depend on the number of threads.
     std::vector<Value> values(const Eigen::VectorXd& u, std::size_t without = 0) const;
 
 private:
