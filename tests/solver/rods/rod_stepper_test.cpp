@@ -323,7 +323,10 @@ TEST(RodStepper, tells_where_explicit_steps_gain_energy)
     RodState state(rod);
     Eigen::VectorXd velocity = Eigen::VectorXd::Zero(state.x().size());
     RodStepper stepper(model, Integrator::RungeKutta);
-    const double step = 0.95 * stepper.largest_step(state);
+    // The whip is chaotic: with this step it tells within some hundred steps, whatever
+    // rounding does.
+    const double step = 1.3e-5;
+    ASSERT_LT(step, stepper.largest_step(state));
     MotionStop stop = MotionStop::Converged;
     for (int n = 0; n < 6000 && stop == MotionStop::Converged; ++n)
         stop = stepper.step(state, velocity, step).stop;
