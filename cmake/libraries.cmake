@@ -18,9 +18,6 @@ find_package(BLAS REQUIRED)                                             # solver
 find_package(LAPACK REQUIRED)                                           # solver/field
 find_path(CHOLMOD_INCLUDE cholmod.h PATH_SUFFIXES suitesparse REQUIRED) # solver/linear
 find_library(CHOLMOD_LIBRARY cholmod REQUIRED)
-if(CELLWARP_RODS)
-  find_library(UMFPACK_LIBRARY umfpack REQUIRED)                        # solver/rods
-endif()
 if(CELLWARP_IMPORT)
   find_package(assimp 5.2 REQUIRED)                                     # io/import
 endif()

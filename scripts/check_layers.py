@@ -65,7 +65,6 @@ ROOMS = {
 # Third-party header -> the files or rooms that may include it.
 LIBRARIES = {
     "cholmod.h": {"solver/linear/cholesky.cpp"},
-    "umfpack.h": {"solver/rods/spline.cpp"},
     "lapacke.h": {"solver/field/rbf.cpp"},
     "tbb/": {"octree/base/parallel.cpp"},
     "xxhash.h": {"octree/base/hash.cpp"},

@@ -4,17 +4,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <new>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
-#include <Eigen/SparseCholesky>
-#include <umfpack.h>
+#include <Eigen/SparseCore>
 
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
-#include "solver/linear/cholesky.h"
+#include "solver/linear/band_lu.h"
 #include "solver/rods/gauss.h"
 
 namespace cellwarp
@@ -45,54 +43,36 @@ void add_row(const BasisValues& values, int order, int row, Triplets& out)
         out.emplace_back(row, values.control[idx(j)], values.value[idx(order)][idx(j)]);
 }
 
-struct CurveFactors
-{
-    void *symbolic = nullptr, *numeric = nullptr;
-
-    CurveFactors() = default;
-    CurveFactors(const CurveFactors&) = delete;
-    CurveFactors& operator=(const CurveFactors&) = delete;
-    ~CurveFactors()
-    {
-        umfpack_di_free_symbolic(&symbolic);
-        umfpack_di_free_numeric(&numeric);
-    }
-};
-
-/// What UMFPACK says of its work. Throws std::bad_alloc, and std::invalid_argument where
-/// there are no factors.
-void check_factors(int status)
-{
-    if (status == UMFPACK_WARNING_singular_matrix)
-        throw std::invalid_argument("no curve goes through these points");
-    if (status == UMFPACK_ERROR_out_of_memory)
-        throw std::bad_alloc();
-    if (status != UMFPACK_OK)
-        throw std::runtime_error("UMFPACK ended with " + std::to_string(status));
-}
-
-/// Control points with sum A_ik q_k = x_i.
-std::vector<Eigen::Vector3d> solved(int n, const Triplets& entries,
+/// Control points with sum A_ik q_k = x_i. Of a closed curve rows and unknowns are folded
+/// around: 0, n - 1, 1, n - 2, ..., so that they are a band as well.
+std::vector<Eigen::Vector3d> solved(int n, bool is_closed, const Triplets& entries,
                                     const Eigen::MatrixX3d& right)
 {
-    Eigen::SparseMatrix<double> A(n, n);
-    A.setFromTriplets(entries.begin(), entries.end());
-    // Eigen's own LU and QR do not bear that memory ends in them.
-    prepare_dense_kernels();
-    CurveFactors factors;
-    const int *columns = A.outerIndexPtr(), *rows = A.innerIndexPtr();
-    check_factors(umfpack_di_symbolic(n, n, columns, rows, A.valuePtr(),
-                                      &factors.symbolic, nullptr, nullptr));
-    check_factors(umfpack_di_numeric(columns, rows, A.valuePtr(), factors.symbolic,
-                                     &factors.numeric, nullptr, nullptr));
-    Eigen::MatrixX3d q(n, 3);
-    for (int k = 0; k < 3; ++k)
-        check_factors(umfpack_di_solve(UMFPACK_A, columns, rows, A.valuePtr(),
-                                       q.col(k).data(), right.col(k).data(),
-                                       factors.numeric, nullptr, nullptr));
-    std::vector<Eigen::Vector3d> controls;
-    for (int k = 0; k < n; ++k)
-        controls.push_back(q.row(k).transpose());
+    const auto folded = [&](int k) {
+        return !is_closed ? k : 2 * k < n ? 2 * k : 2 * (n - k) - 1;
+    };
+    int below = 0, above = 0;
+    for (const Eigen::Triplet<double>& one : entries)
+    {
+        const int by = folded(one.col()) - folded(one.row());
+        below = std::max(below, -by);
+        above = std::max(above, by);
+    }
+    BandLu A(n, below, above);
+    for (const Eigen::Triplet<double>& one : entries)
+        A.entry(folded(one.row()), folded(one.col())) += one.value();
+    if (!A.factorize())
+        throw std::invalid_argument("no curve goes through these points");
+    std::vector<Eigen::Vector3d> controls(idx(n));
+    Eigen::VectorXd x(n);
+    for (int c = 0; c < 3; ++c)
+    {
+        for (int k = 0; k < n; ++k)
+            x[folded(k)] = right(k, c);
+        A.solve(x);
+        for (int k = 0; k < n; ++k)
+            controls[idx(k)][c] = x[folded(k)];
+    }
     return controls;
 }
 
@@ -133,7 +113,7 @@ Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, i
             add_row(basis.values(s[idx(i)]), 0, i, entries);
             right.row(i) = points[idx(i)].transpose();
         }
-        return {basis, solved(n, entries, right)};
+        return {basis, solved(n, is_closed, entries, right)};
     };
     const auto closed = [&]
     {
@@ -163,7 +143,7 @@ Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, i
         add_row(basis.values_in(n - 2, s.back()), 2, n, entries);
         add_row(basis.values_in(n - 2, s.back()), 0, n + 1, entries);
         right.row(n + 1) = points.back().transpose();
-        return {basis, solved(n + 2, entries, right)};
+        return {basis, solved(n + 2, false, entries, right)};
     };
     if (!is_closed && degree != 3 && n < degree + 1)
         throw std::invalid_argument("too few points for a curve of this degree");
