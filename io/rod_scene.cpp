@@ -189,10 +189,11 @@ void read_hold(RodReader& reader, RodScene& scene, const std::string& prefix,
                                        : what == "tangent"   ? &hold.has_tangent
                                        : what == "twist"     ? &hold.has_twist
                                        : what == "curvature" ? &hold.has_curvature
+                                       : what == "bend"      ? &hold.has_bend
                                                              : nullptr;
                     if (!flag)
                         reader.object().fail(
-                            name, "need one of point, tangent, twist, curvature");
+                            name, "need one of point, tangent, twist, curvature, bend");
                     *flag = has_any = true;
                 });
     if (!has_any)

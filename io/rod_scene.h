@@ -47,7 +47,9 @@ struct SizeInTime : TimeWindow
 struct RodHold : TimeWindow
 {
     double at = 0.0; ///< share of the rest length
-    bool has_point = false, has_tangent = false, has_twist = false, has_curvature = false;
+    bool has_point = false, has_tangent = false, has_twist = false;
+    bool has_curvature = false; ///< the second derivative of the curve
+    bool has_bend = false;      ///< its curvature [1/m]
     std::vector<RodKey> keys;
 };
 

@@ -212,7 +212,7 @@ void RodPart::add_holds()
         const double s = parameter(hold.at);
         const CurvePoint at = state.at(s);
         held_.push_back({&hold.keys, &hold, model.constraints.size(), 0, at.place,
-                         state.frame(s), at.second,
+                         state.frame(s), at.second, bend_at(s),
                          where_ + ".fixed[" + std::to_string(k) + "]"});
         const auto add = [&](HoldKind kind)
         {
@@ -235,7 +235,17 @@ void RodPart::add_holds()
             add(has_tangent(hold.at) ? HoldKind::TwistAngle : HoldKind::Spin);
         if (hold.has_curvature)
             add(HoldKind::CurvatureVector);
+        if (hold.has_bend)
+            add(HoldKind::GeometricCurvature);
     }
+}
+
+/// The curvature vector of the curve at a parameter, in lengths at rest [1/m].
+Eigen::Vector3d RodPart::bend_at(double s) const
+{
+    const CurvePoint at = state.at(s);
+    return at.first.cross(at.second) /
+           (at.first.squaredNorm() * rod.rest().at(s).first.norm());
 }
 
 /// Some hold has the tangent there.
@@ -278,7 +288,7 @@ void RodPart::add_on()
         Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
         frame.col(2) = constraint.direction;
         held_.push_back({&on.keys, nullptr, model.constraints.size(), 1, point, frame,
-                         Eigen::Vector3d::Zero(),
+                         Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(),
                          where_ + ".on[" + std::to_string(k) + "]"});
         model.constraints.push_back(constraint);
     }
@@ -539,7 +549,8 @@ void RodPart::open_holds(double time, double begin)
         const double s = model.constraints[held.first].s;
         const CurvePoint at = state.at(s);
         held.place = at.place;
-        held.curvature = at.second;
+        held.second = at.second;
+        held.bend = bend_at(s);
         held.frame = state.frame(s);
         held.R = motion_at(*held.keys, begin, held.place, 1.0).R;
         if (RodConstraint* const one = spin_of(held))
@@ -594,7 +605,10 @@ void RodPart::bring(const Held& held, const Eigen::Vector3d& place,
             constraint.direction = R * held.frame.col(0);
             break;
         case HoldKind::CurvatureVector:
-            constraint.direction = R * held.curvature;
+            constraint.direction = R * held.second;
+            break;
+        case HoldKind::GeometricCurvature:
+            constraint.direction = R * held.bend;
             break;
         default:
             break;
@@ -653,7 +667,7 @@ bool RodPart::change(double time, std::span<const double> touched)
     std::vector<double> used = joined_;
     for (const RodConstraint& constraint : model.constraints)
         if (constraint.slide < 0)
-            used.insert(used.end(), {constraint.s, constraint.other});
+            used.push_back(constraint.s);
     for (const Sliding& sliding : state.sliding)
         used.push_back(rod.basis().wrapped(sliding.s));
     used.insert(used.end(), touched.begin(), touched.end());

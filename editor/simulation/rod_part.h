@@ -138,7 +138,7 @@ private:
         std::size_t first, count;
         Eigen::Vector3d place;
         Eigen::Matrix3d frame;
-        Eigen::Vector3d curvature;
+        Eigen::Vector3d second, bend; ///< of the curve: derivative, curvature [1/m]
         std::string key;
         Eigen::Matrix3d R = Eigen::Matrix3d::Identity(); ///< how far keys have turned it
     };
@@ -150,6 +150,7 @@ private:
     bool changes_loads() const;
     RodConstraint* spin_of(const Held& held);
     bool has_tangent(double at) const;
+    Eigen::Vector3d bend_at(double s) const;
     std::vector<Held> held_;
     /// The slide that the next one with `apart` stays apart from, and by how much.
     std::optional<std::pair<int, double>> last_apart_;

@@ -15,8 +15,8 @@
 // Rows of frames. The material frame F = [m_1 m_2 t] turns by
 //   omega = (t x du) / l + t dphi
 // with u = P' and the spin dphi of elasticity.cpp, the chain of hops ending at s. Two
-// frames a and b that must agree, columns x_a ... z_b: y_a . z_b = z_a . x_b = x_a . y_b
-// = 0, whose derivative is (y_a x z_b) . (omega_a - omega_b), and so on.
+// frames a and b that must agree, columns x_a ... z_b, b at rest: y_a . z_b = z_a . x_b =
+// x_a . y_b = 0, whose derivative is (y_a x z_b) . omega_a, and so on.
 #include "solver/rods/rod_constraint.h"
 
 #include <algorithm>
@@ -164,21 +164,18 @@ Form turn_form(const RodState& state, double s, const BasisValues& values,
     return form;
 }
 
-/// Rows of two frames that must agree; \p b may be of another place or fixed.
+/// Rows of the frame at a place, which must be \p wanted.
 std::vector<ConstraintRow> frame_rows(const RodState& state, const HeldBasis& basis,
-                                      const Eigen::Matrix3d& a, bool has_other,
-                                      const Eigen::Matrix3d& b, bool is_wanted)
+                                      const Eigen::Matrix3d& wanted, bool is_wanted)
 {
+    const Eigen::Matrix3d now = state.frame(basis.s);
     std::vector<ConstraintRow> rows;
     rows.reserve(3);
     for (int k = 0; k < 3; ++k)
     {
-        const Vector3d first = a.col((k + 1) % 3), second = b.col((k + 2) % 3);
-        const Vector3d axis = first.cross(second);
-        Form form = turn_form(state, basis.s, basis.at, axis, is_wanted);
-        if (has_other)
-            form.add(turn_form(state, basis.other, basis.there, axis, is_wanted), -1.0);
-        rows.push_back(form.row(first.dot(second)));
+        const Vector3d first = now.col((k + 1) % 3), second = wanted.col((k + 2) % 3);
+        rows.push_back(turn_form(state, basis.s, basis.at, first.cross(second), is_wanted)
+                           .row(first.dot(second)));
     }
     return rows;
 }
@@ -237,8 +234,6 @@ int num_rows(HoldKind hold)
     case HoldKind::Plane:
     case HoldKind::TwistAngle:
     case HoldKind::Spin:
-    case HoldKind::Distance:
-    case HoldKind::DistanceOfTwo:
         return 1;
     case HoldKind::Axis:
     case HoldKind::Tangent:
@@ -270,8 +265,7 @@ std::vector<std::pair<int, double>> turn_at(const RodState& state, double s,
 }
 
 HeldBasis::HeldBasis(const RodConstraint& constraint, const SplineBasis& basis)
-    : s(constraint.s), other(constraint.other), control(constraint.control),
-      at(basis.values(s)), there(basis.values(other))
+    : s(constraint.s), control(constraint.control), at(basis.values(s))
 {
     if (constraint.control < 0)
         return;
@@ -326,9 +320,6 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         for (const Vector3d& n : across(c.direction))
             linear(1, n, n.dot(at.first), c.turning.cross(n).dot(at.first));
         break;
-    case HoldKind::TangentVector:
-        vector(1, at.first - c.direction, -c.turning.cross(c.direction));
-        break;
     case HoldKind::CurvatureVector:
         vector(2, at.second - c.direction, -c.turning.cross(c.direction));
         break;
@@ -344,6 +335,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
             form.add(state, values, 1, -f * n.cross(at.second) - 2.0 * K.dot(n) / l * t);
             form.add(state, values, 2, f * n.cross(at.first));
             rows.push_back(form.row(n.dot(K - c.direction)));
+            rows.back().rate = -n.dot(c.turning.cross(c.direction));
         }
         break;
     }
@@ -378,38 +370,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         break;
     }
     case HoldKind::Frame:
-        return frame_rows(state, basis, state.frame(c.s), false, c.frame, with_entries);
-    case HoldKind::Distance:
-    {
-        const Vector3d e = at.place - c.point;
-        linear(0, e / c.distance,
-               (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance),
-               -e.dot(c.point_speed) / c.distance);
-        break;
-    }
-    case HoldKind::DistanceOfTwo:
-    case HoldKind::RelativePlace:
-    {
-        const BasisValues& there = basis.there;
-        const Vector3d e = at.place - state.at(there).place;
-        const auto both = [&](const Vector3d& n, double violation)
-        {
-            Form form(with_entries);
-            form.add(state, values, 0, n);
-            form.add(state, there, 0, -n);
-            rows.push_back(form.row(violation));
-        };
-        if (c.hold == HoldKind::DistanceOfTwo)
-            both(e / c.distance,
-                 (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance));
-        else
-            for (int k = 0; k < 3; ++k)
-                both(Vector3d::Unit(k), e[k] - c.point[k]);
-        break;
-    }
-    case HoldKind::RelativeFrame:
-        return frame_rows(state, basis, state.frame(c.s) * c.frame, true,
-                          state.frame(c.other), with_entries);
+        return frame_rows(state, basis, c.frame, with_entries);
     }
     return rows;
 }
@@ -473,13 +434,10 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
         }
         return out;
     }
-    case HoldKind::TangentVector:
     case HoldKind::CurvatureVector:
         for (int k = 0; k < 3; ++k)
             out[idx(k)] = -c.turning.cross(Vector3d(c.turning.cross(c.direction)))[k];
         return out;
-    case HoldKind::RelativePlace:
-        return out; // linear
     default:
         break;
     }

@@ -19,26 +19,20 @@ enum class HoldKind
     Plane,              ///< n . (P - point) = 0, n = direction
     Axis,               ///< the two directions across `direction`; 2 rows
     Tangent,            ///< along direction; 2 rows
-    TangentVector,      ///< P' = direction; 3 rows
     CurvatureVector,    ///< P'' = direction; 3 rows
     GeometricCurvature, ///< (u x w) / (l^2 sigma) = direction across the tangent; 2 rows
     TwistAngle,         ///< m_1 towards direction, as far as the tangent lets it; 1 row
-    Spin,  ///< m_1 at the angle `spin` from direction, which goes with the tangent; 1 row
-    Frame, ///< material frame = frame; 3 rows
-    Distance,      ///< |P - point| = distance; 1 row
-    DistanceOfTwo, ///< |P(s) - P(other)| = distance; 1 row
-    RelativePlace, ///< P(s) - P(other) = point; 3 rows
-    RelativeFrame  ///< frame(other) = frame(s) * frame; 3 rows
+    Spin, ///< m_1 at the angle `spin` from direction, which goes with the tangent; 1 row
+    Frame ///< material frame = frame; 3 rows
 };
 
 struct RodConstraint
 {
     HoldKind hold = HoldKind::Point;
-    double s = 0.0, other = 0.0; ///< parameters of the curve
+    double s = 0.0; ///< parameter of the curve
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
     Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
     Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
-    double distance = 0.0; ///< [m]
     /// Spin only: the unit tangent that direction is across. The shortest turn from it to
     /// the tangent of the state carries direction along.
     Eigen::Vector3d tangent = Eigen::Vector3d::UnitX();
@@ -78,13 +72,13 @@ struct ConstraintRow
 /// The basis where a constraint holds, kept from state to state.
 struct HeldBasis
 {
-    double s = 0.0, other = 0.0;
+    double s = 0.0;
     int control = -1;
-    BasisValues at, there;
+    BasisValues at;
 
     HeldBasis(const RodConstraint& constraint, const SplineBasis& basis);
     /// Of what slides.
-    explicit HeldBasis(const BasisValues& values) : at(values), there(values) {}
+    explicit HeldBasis(const BasisValues& values) : at(values) {}
 };
 
 /// The rows of a constraint at a state; without entries the violations alone. What a

@@ -273,8 +273,7 @@ const HeldBasis& RodModel::held(std::size_t k) const
     const RodConstraint& now = constraints[k];
     while (held_.size() <= k)
         held_.emplace_back(constraints[held_.size()], rod_->basis());
-    if (held_[k].s != now.s || held_[k].other != now.other ||
-        held_[k].control != now.control)
+    if (held_[k].s != now.s || held_[k].control != now.control)
         held_[k] = HeldBasis(now, rod_->basis());
     return held_[k];
 }

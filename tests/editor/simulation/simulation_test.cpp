@@ -1619,4 +1619,24 @@ TEST(Simulation, holds_begin_where_the_rod_is_then_and_end)
                          "rods"));
 }
 
+TEST(Simulation, a_place_whose_bend_is_held_stays_as_curved_as_it_was)
+{
+    const auto curvature = [](const std::string& what)
+    {
+        Simulation simulation(scene_of(
+            kLine + R"(, "spans": 32, "radius": 0.02, "loads": [{"force": [0,-0.02,0]}],
+                "fixed": [{"what": ["point","tangent","twist"]})" +
+                what + "]",
+            R"({"integrator": "static", "gravity": [0,0,0]})"));
+        simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        const std::vector<Eigen::Vector3d> p = simulation.rods(129)[0].curve;
+        return (p[65] - 2.0 * p[64] + p[63]).norm() / (p[65] - p[64]).squaredNorm();
+    };
+    const double free = curvature(""),
+                 held = curvature(R"(, {"at": 0.5, "what": ["bend"]})");
+    EXPECT_GT(free, 0.05);
+    EXPECT_LT(held, 0.2 * free);
+}
+
 } // namespace cellwarp

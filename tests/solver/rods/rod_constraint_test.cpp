@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/rods/rod_constraint.h"
 
+#include <cmath>
 #include <random>
 
 #include <Eigen/Geometry>
@@ -32,15 +33,13 @@ std::vector<RodConstraint> all_at(const RodState& state, double s)
     const Eigen::Matrix3d off =
         Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
     std::vector<RodConstraint> all;
-    for (int hold = 0; hold <= static_cast<int>(HoldKind::RelativeFrame); ++hold)
+    for (int hold = 0; hold <= static_cast<int>(HoldKind::Frame); ++hold)
     {
         RodConstraint c;
         c.hold = static_cast<HoldKind>(hold);
         c.s = s;
-        c.other = 5.1;
         c.point = {0.1, 0.2, 0.3};
         c.direction = {0.5, 0.6, 0.9};
-        c.distance = 0.7;
         if (c.hold == HoldKind::TwistAngle)
             c.direction = state.frame(s).col(0) + 0.4 * Eigen::Vector3d(0.3, -0.8, 0.5);
         if (c.hold == HoldKind::Spin)
@@ -52,8 +51,6 @@ std::vector<RodConstraint> all_at(const RodState& state, double s)
         }
         if (c.hold == HoldKind::Frame)
             c.frame = state.frame(s) * off;
-        if (c.hold == HoldKind::RelativeFrame)
-            c.frame = state.frame(s).transpose() * state.frame(5.1) * off;
         all.push_back(c);
     }
     return all;
@@ -147,26 +144,33 @@ TEST(RodConstraint, a_curvature_is_that_of_the_circle_through_the_curve)
         EXPECT_NEAR(row.violation, 0.0, 1e-3);
 }
 
-TEST(RodConstraint, what_turns_with_the_motion_is_the_second_derivative_along_it)
+TEST(RodConstraint, a_curvature_that_turns_says_how_fast_it_is_violated)
 {
     const Rod rod = bent_rod();
-    std::mt19937 rng(6);
     RodState state(rod);
-    const int n = rod.layout().num_unknowns;
-    const Eigen::VectorXd v = support::random_step(n, 1.0, rng);
     RodConstraint c;
-    c.hold = HoldKind::Distance;
-    c.s = 2.0;
-    c.distance = 0.7;
-    const Eigen::Vector3d speed = [&]
+    c.hold = HoldKind::GeometricCurvature;
+    c.s = 2.37;
+    c.direction = {0.3, -0.2, 0.4};
+    c.turning = {0.3, -0.7, 0.5};
+    const HeldBasis basis(c, rod.basis());
+    const auto rows_after = [&](double time)
     {
-        RodState ahead = state;
-        ahead.move(v, 1.0);
-        return Eigen::Vector3d(ahead.at(c.s).place - state.at(c.s).place);
-    }();
-    EXPECT_NEAR(convective(c, state, v)[0], speed.squaredNorm() / c.distance, 1e-6);
-    c.hold = HoldKind::Point;
-    EXPECT_EQ(convective(c, state, v), std::vector<double>(3, 0.0));
+        RodConstraint later = c;
+        later.direction =
+            Eigen::AngleAxisd(time * c.turning.norm(), c.turning.normalized()) *
+            c.direction;
+        return rows_of(later, state, basis);
+    };
+    constexpr double h = 1e-5;
+    const std::vector<ConstraintRow> now = rows_after(0.0), ahead = rows_after(h),
+                                     behind = rows_after(-h);
+    for (const std::size_t k : {0u, 1u})
+    {
+        EXPECT_NEAR((ahead[k].violation - behind[k].violation) / (2.0 * h), now[k].rate,
+                    1e-9);
+        EXPECT_GT(std::abs(now[k].rate), 1e-3);
+    }
 }
 
 TEST(RodConstraint, rates_are_the_derivatives_by_time_of_constraints_that_move)
