@@ -12,6 +12,19 @@
 namespace cellwarp
 {
 
+namespace
+{
+
+Eigen::SparseMatrix<double> matrix_of(const std::vector<Eigen::Triplet<double>>& entries,
+                                      Eigen::Index rows, Eigen::Index columns)
+{
+    Eigen::SparseMatrix<double> out(rows, columns);
+    out.setFromTriplets(entries.begin(), entries.end());
+    return out;
+}
+
+} // namespace
+
 RodCoupling::RodCoupling(const CellState& cells, const GlueTerm& glue,
                          const RodUnknowns& rods)
     : cells_(cells), glue_(glue), rods_(rods)
@@ -228,13 +241,14 @@ void RodCoupling::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) cons
 void RodCoupling::add_between(const CarriedTwist& row,
                               const Eigen::Matrix<double, 6, 6>& H,
                               const CarriedTwist& column, int first, int first_column,
-                              Eigen::MatrixXd& out) const
+                              Entries& out) const
 {
     const Eigen::MatrixXd block = row.by_steps.transpose() * H * column.by_steps;
     for (std::size_t i = 0; i < row.steps.size(); ++i)
         for (std::size_t j = 0; j < column.steps.size(); ++j)
-            out(row.steps[i] - first, column.steps[j] - first_column) +=
-                block(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+            out.emplace_back(
+                row.steps[i] - first, column.steps[j] - first_column,
+                block(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
 }
 
 /// The unknowns of a rod and their steps.
@@ -251,19 +265,19 @@ void RodCoupling::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out)
         return;
     const std::size_t rod = idx(number);
     const int first = rods_.first(rod);
-    Eigen::MatrixXd by_steps = Eigen::MatrixXd::Zero(out.rows(), out.cols());
+    Entries entries;
     for (std::size_t c = 0; c < diagonals_.size(); ++c)
         if (rod_of_carried_[c] == rod)
             add_between(rods_.twists()[c], diagonals_[c], rods_.twists()[c], first, first,
-                        by_steps);
+                        entries);
     for (const Face& face : faces_)
         if (face.a >= 0 && face.b >= 0 && rod_of_carried_[idx(face.a)] == rod &&
             rod_of_carried_[idx(face.b)] == rod)
         {
             add_between(twist(face.a), face.coupling, twist(face.b), first, first,
-                        by_steps);
+                        entries);
             add_between(twist(face.b), face.coupling.transpose(), twist(face.a), first,
-                        first, by_steps);
+                        first, entries);
         }
     const BandMatrix& band = elastic_[rod];
     for (int column = 0; column < band.rows(); ++column)
@@ -271,12 +285,14 @@ void RodCoupling::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out)
              ++row)
         {
             const double value = rods_.rod(rod).stiffness * band.lower(row, column);
-            by_steps(row, column) += value;
+            entries.emplace_back(row, column, value);
             if (row != column)
-                by_steps(column, row) += value;
+                entries.emplace_back(column, row, value);
         }
     const Eigen::SparseMatrix<double> steps = steps_of(rod);
-    out += steps.transpose() * (by_steps * steps);
+    const Eigen::SparseMatrix<double> right =
+        matrix_of(entries, out.rows(), out.cols()) * steps;
+    out += Eigen::SparseMatrix<double>(steps.transpose() * right);
     for (Eigen::Index k = 0; k < out.rows(); ++k)
         if (rods_.is_taken(first + static_cast<int>(k)))
             out(k, k) += idle_;
@@ -287,7 +303,7 @@ void RodCoupling::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) cons
     const auto& [row, column] = pairs_[idx(pair)];
     const std::size_t rod = idx(rod_of(row));
     const int first = rods_.first(rod);
-    Eigen::MatrixXd by_steps = Eigen::MatrixXd::Zero(out.rows(), out.cols());
+    Entries entries;
     const int other = rod_of(column);
     for (const int f : faces_of_pair_[idx(pair)])
     {
@@ -299,18 +315,19 @@ void RodCoupling::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) cons
         if (other >= 0)
         {
             add_between(own, H, twist(is_a ? face.b : face.a), first,
-                        rods_.first(idx(other)), by_steps);
+                        rods_.first(idx(other)), entries);
             continue;
         }
         const Eigen::MatrixXd block = own.by_steps.transpose() * (H * face.basis);
         for (std::size_t i = 0; i < own.steps.size(); ++i)
-            by_steps.row(own.steps[i] - first) += block.row(static_cast<Eigen::Index>(i));
+            for (Eigen::Index j = 0; j < block.cols(); ++j)
+                entries.emplace_back(own.steps[i] - first, static_cast<int>(j),
+                                     block(static_cast<Eigen::Index>(i), j));
     }
-    const Eigen::MatrixXd left = steps_of(rod).transpose() * by_steps;
+    Eigen::SparseMatrix<double> product = matrix_of(entries, out.rows(), out.cols());
     if (other >= 0)
-        out += left * steps_of(idx(other));
-    else
-        out += left;
+        product = product * steps_of(idx(other));
+    out += Eigen::SparseMatrix<double>(steps_of(rod).transpose() * product);
 }
 
 } // namespace cellwarp

@@ -52,12 +52,14 @@ private:
         CellState::Basis basis;                  ///< of the unknown cell
     };
 
+    using Entries = std::vector<Eigen::Triplet<double>>;
+
     int rod_of(int block) const { return block - rods_.begin().block; }
     const CarriedTwist& twist(int carried) const { return rods_.twists()[idx(carried)]; }
     void add_back(Eigen::VectorXd& by_steps) const;
     void add_between(const CarriedTwist& row, const Eigen::Matrix<double, 6, 6>& H,
                      const CarriedTwist& column, int first, int first_column,
-                     Eigen::MatrixXd& out) const;
+                     Entries& out) const;
     Eigen::SparseMatrix<double> steps_of(std::size_t rod) const;
 
     const CellState& cells_;

@@ -138,7 +138,7 @@ void RodUnknowns::choose_taken(std::size_t rod)
     constexpr double kFollows = 1e-9; // of the largest pivot: a row follows from others
     taken_[rod].clear();
     chosen_rows_[rod].clear();
-    Eigen::MatrixXd C = rows_by_unknowns(rod);
+    Eigen::MatrixXd C = rows_by_unknowns(rod, axes(rod));
     if (C.rows() == 0)
         return mark_taken(rod);
     for (Eigen::Index r = 0; r < C.rows(); ++r)
@@ -155,21 +155,24 @@ void RodUnknowns::choose_taken(std::size_t rod)
     mark_taken(rod);
 }
 
-/// Of the unknowns, at the base: a column each.
-Eigen::MatrixXd RodUnknowns::axes(std::size_t rod) const
+/// Of the steps of each control point, at the base.
+std::vector<Matrix3d> RodUnknowns::axes(std::size_t rod) const
 {
-    const RodLayout& layout = base_[rod].rod().layout();
-    Eigen::MatrixXd axes = Eigen::MatrixXd::Identity(sizes_[rod], sizes_[rod]);
-    for (std::size_t k = 0; k < layout.control.size(); ++k)
-        axes.block<3, 3>(layout.control[k], layout.control[k]) =
-            carried_by(base_[rod], *rods_[rod].rest, parameters_[rod][k]).R;
+    std::vector<Matrix3d> axes;
+    for (const double s : parameters_[rod])
+        axes.push_back(carried_by(base_[rod], *rods_[rod].rest, s).R);
     return axes;
 }
 
 /// Of what holds it, at the base.
-Eigen::MatrixXd RodUnknowns::rows_by_unknowns(std::size_t rod) const
+Eigen::MatrixXd RodUnknowns::rows_by_unknowns(std::size_t rod,
+                                              const std::vector<Matrix3d>& axes) const
 {
-    return hold_rows(base_[rod], holds_[rod]).by_steps * axes(rod);
+    Eigen::MatrixXd rows = hold_rows(base_[rod], holds_[rod]).by_steps;
+    const RodLayout& layout = base_[rod].rod().layout();
+    for (std::size_t k = 0; k < axes.size(); ++k)
+        rows.middleCols<3>(layout.control[k]) *= axes[k];
+    return rows;
 }
 
 const Eigen::SparseMatrix<double>& RodUnknowns::steps() const
@@ -181,23 +184,40 @@ const Eigen::SparseMatrix<double>& RodUnknowns::steps() const
     {
         if (leads(rod))
             continue;
-        Eigen::MatrixXd steps = axes(rod);
+        const RodLayout& layout = base_[rod].rod().layout();
+        const std::vector<Matrix3d> axes = this->axes(rod);
+        std::vector<int> point_of(idx(sizes_[rod]), -1);
+        for (std::size_t k = 0; k < axes.size(); ++k)
+            std::fill_n(point_of.begin() + layout.control[k], 3, static_cast<int>(k));
+        // What steps where an unknown is \p by, for the unknown \p column.
+        const auto add = [&](int unknown, int column, double by)
+        {
+            const int k = point_of[idx(unknown)], first = first_[rod];
+            if (k < 0)
+                entries.emplace_back(first + unknown, first + column, by);
+            for (int c = 0; k >= 0 && c < 3; ++c)
+                entries.emplace_back(
+                    first + layout.control[idx(k)] + c, first + column,
+                    by * axes[idx(k)](c, unknown - layout.control[idx(k)]));
+        };
         const std::vector<int>& taken = taken_[rod];
+        Eigen::MatrixXd by_others;
         if (!taken.empty())
         {
             const Eigen::MatrixXd chosen =
-                rows_by_unknowns(rod)(chosen_rows_[rod], Eigen::all);
-            const Eigen::MatrixXd by_others =
-                -chosen(Eigen::all, taken).partialPivLu().solve(chosen);
-            steps += steps(Eigen::all, taken) * by_others;
-            for (const int unknown : taken)
-                steps.col(unknown).setZero();
+                rows_by_unknowns(rod, axes)(chosen_rows_[rod], Eigen::all);
+            by_others = -chosen(Eigen::all, taken).partialPivLu().solve(chosen);
         }
-        for (int row = 0; row < sizes_[rod]; ++row)
-            for (int column = 0; column < sizes_[rod]; ++column)
-                if (std::abs(steps(row, column)) > 1e-14)
-                    entries.emplace_back(first_[rod] + row, first_[rod] + column,
-                                         steps(row, column));
+        constexpr double kNone = 1e-14;
+        for (int column = 0; column < sizes_[rod]; ++column)
+        {
+            if (is_taken(first_[rod] + column))
+                continue;
+            add(column, column, 1.0);
+            for (Eigen::Index r = 0; r < by_others.rows(); ++r)
+                if (std::abs(by_others(r, column)) > kNone)
+                    add(taken[static_cast<std::size_t>(r)], column, by_others(r, column));
+        }
     }
     steps_.resize(num_unknowns(), num_unknowns());
     steps_.setFromTriplets(entries.begin(), entries.end());

@@ -97,8 +97,9 @@ public:
     double largest_move() const override;
 
 private:
-    Eigen::MatrixXd axes(std::size_t rod) const;
-    Eigen::MatrixXd rows_by_unknowns(std::size_t rod) const;
+    std::vector<Eigen::Matrix3d> axes(std::size_t rod) const;
+    Eigen::MatrixXd rows_by_unknowns(std::size_t rod,
+                                     const std::vector<Eigen::Matrix3d>& axes) const;
     void choose_taken(std::size_t rod);
     void mark_taken(std::size_t rod);
     void find_twist(std::size_t rod, const CarriedCell& cell, CarriedTwist& out) const;
