@@ -12,6 +12,9 @@
 // cell steps in its own axes: what was prepared at rest stays a good preconditioner where
 // the rod bends.
 //
+// A step is followed by the one that takes back what it stretches to second order: the
+// shorter the spans of a slender rod, the shorter steps would have to be without.
+//
 // Second derivatives by them are taken as J^T H J, without what the curvature of the
 // poses adds: with it Newton's method takes more steps from far, and as many near a
 // minimum.
@@ -86,6 +89,7 @@ RodUnknowns::RodUnknowns(CellState& cells, std::vector<CoupledRod> rods)
         num_carried_ += static_cast<int>(rod.cells.size());
         parameters_.push_back(parameters_of_controls(rod.rest->rod().basis()));
         now_.push_back(*rod.rest);
+        lengths_.emplace_back(rod.rest->rod());
     }
     base_ = now_;
     holds_.resize(rods_.size());
@@ -101,6 +105,7 @@ void RodUnknowns::set(std::size_t rod, const RodState& state, const Motion& moti
     const bool is_same = hold_the_same(holds_[rod], holds);
     now_[rod] = base_[rod] = state;
     has_steps_ = has_twists_ = false;
+    lengths_[rod].forget();
     motions_[rod] = motion;
     holds_[rod].assign(holds.begin(), holds.end());
     if (!is_same)
@@ -335,7 +340,10 @@ void RodUnknowns::move(const Eigen::VectorXd& step, double length)
     for (std::size_t rod = 0; rod < size(); ++rod)
     {
         now_[rod] = base_[rod];
-        now_[rod].move(moved_.segment(first_[rod], sizes_[rod]), length);
+        part_ = length * moved_.segment(first_[rod], sizes_[rod]);
+        now_[rod].move(part_);
+        if (!leads(rod) && !part_.isZero(0.0))
+            lengths_[rod].correct(base_[rod], holds_[rod], part_, now_[rod]);
         is_too_far_ |= is_far(base_[rod], now_[rod]);
         for (const CarriedCell& cell : rods_[rod].cells)
             cells_.place(
@@ -349,6 +357,8 @@ void RodUnknowns::settle()
 {
     base_ = now_;
     has_steps_ = false;
+    for (LengthCorrection& length : lengths_)
+        length.forget();
 }
 
 /// The cells that the rods carry are bodies of the cells' state.

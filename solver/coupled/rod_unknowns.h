@@ -14,6 +14,7 @@
 #include "solver/cells/unknown_body.h"
 #include "solver/coupled/rod_motion.h"
 #include "solver/minimize/state.h"
+#include "solver/rods/length_correction.h"
 #include "solver/rods/rod.h"
 #include "solver/rods/rod_constraint.h"
 
@@ -121,8 +122,9 @@ private:
     mutable Eigen::SparseMatrix<double> steps_;
     mutable bool has_steps_ = false; ///< of the base, as held now
     mutable std::vector<CarriedTwist> twists_;
-    mutable bool has_twists_ = false; ///< of the current state
-    Eigen::VectorXd moved_;           ///< scratch
+    mutable bool has_twists_ = false;       ///< of the current state
+    std::vector<LengthCorrection> lengths_; ///< of the rods, from the base on
+    Eigen::VectorXd moved_, part_;          ///< scratch
     bool is_too_far_ = false;
     mutable bool has_other_bodies_ = false;
 };

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <string>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -110,6 +111,29 @@ TEST(PushingSplines, a_bar_bent_along_an_arc_has_the_energy_of_its_rod_as_well)
         EXPECT_NEAR(added / (own_unit * expected), 1.0, 0.03) << ratio;
         EXPECT_NEAR(total_energy(session) / alone, 1.0 + ratio, 0.08 * (1.0 + ratio));
     }
+}
+
+TEST(PushingSplines, a_rod_of_more_spans_takes_about_as_many_iterations)
+{
+    // What turns a slender rod stretches it to second order, the shorter its spans are
+    // the sooner.
+    const auto solve_of = [](int spans)
+    {
+        const Session session =
+            played(long_bar(),
+                   "rod spine through 0 0 0  0 0 1  0 0 2  0 0 3  0 0 4 stiffness 1 "
+                   "spans " +
+                       std::to_string(spans) + "\n" + kFoot +
+                       "frame 1\nmove spine point 1 to 0 0.3 0.9\n"
+                       "move spine point 2 to 0.4 0.9 1.5\n"
+                       "move spine point 3 to 1.2 0.9 1.7\n"
+                       "move spine end to 1.9 0.3 1.4 tangent 1 -1 0\n",
+                   settings(12));
+        EXPECT_EQ(session.frames().back().solve.stop, Stop::Converged) << spans;
+        return session.frames().back().solve.iterations;
+    };
+    const int few = solve_of(4), many = solve_of(40);
+    EXPECT_LE(many, 2 * few);
 }
 
 TEST(PushingSplines, holds_are_kept_and_carried_cells_follow_the_frames)
