@@ -353,6 +353,39 @@ void add_key(std::vector<KeyTrack<size>>& tracks, std::size_t joint, const Scene
     track->times.insert(later, key.time);
 }
 
+MotionStatement read_motion(const Json& json, const std::string& path,
+                            std::vector<std::string>& warnings)
+{
+    JsonObject object(json, path, "skeleton.motion.", warnings);
+    MotionStatement motion;
+    std::optional<std::string> file, up, animation;
+    object.read("file", file);
+    if (!file || file->empty())
+        object.fail("file", "need the name of a file");
+    const std::string extension = extension_of(*file);
+    if (extension == "tgf" || !is_skeleton_format(extension))
+        object.fail("file", "got " + in_quotes(*file) + ", need .bvh, .gltf or .glb");
+    motion.file = resolved_name(path, *file);
+    object.read("up", OneOf{{"x", "y", "z"}}, up);
+    motion.placement.up = up.value_or("y")[0];
+    object.read("animation", animation);
+    motion.placement.animation = animation.value_or("");
+    if (const Json* map = object.find("map"))
+    {
+        if (!map->is_object())
+            object.fail("map", "need an object of names");
+        for (const auto& [joint, other] : map->items())
+        {
+            if (!other.is_string() && !other.is_null())
+                object.fail("map." + joint, "need the name of a joint, or null");
+            motion.map.emplace_back(joint,
+                                    other.is_null() ? "" : other.get<std::string>());
+        }
+    }
+    object.warn_of_the_rest();
+    return motion;
+}
+
 } // namespace
 
 SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
@@ -407,6 +440,12 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
              [&](const Json& key, const std::string& name) {
                  scene.keys.push_back(read_key(key, path, "skeleton." + name, warnings));
              });
+    if (const Json* motion = object.find("motion"))
+    {
+        if (!scene.keys.empty())
+            object.fail("motion", "stands beside keys: one of them moves the joints");
+        scene.motion = read_motion(*motion, path, warnings);
+    }
     object.read("interpolation", OneOf{{"slerp", "squad"}}, interpolation);
     scene.is_smooth = interpolation.value_or("slerp") == "squad";
     object.read("every", Between<double>{1e-6, 1e9}, scene.every);

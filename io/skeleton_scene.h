@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -84,15 +85,25 @@ struct FleshStatement
     std::string weights; ///< file, resolved; empty: by distances
 };
 
+/// The motion of another skeleton, which moves this one.
+struct MotionStatement
+{
+    std::string file;            ///< resolved; empty: none
+    SkeletonPlacement placement; ///< its axis that points up, and its animation
+    /// A joint and its counterpart there; empty: it has none.
+    std::vector<std::pair<std::string, std::string>> map;
+};
+
 struct SkeletonScene
 {
     std::string file; ///< resolved; empty: the scene has the joints
     SkeletonPlacement placement;
     std::vector<SkeletonJoint> joints; ///< of the scene, parents first
     std::vector<SceneKey> keys;        ///< in the order of the scene
-    bool is_smooth = false;            ///< between keys of the scene
-    std::optional<double> every;       ///< frames so far apart [s]; none: at the keys
-    std::optional<double> radius;      ///< of all bones [model unit]
+    MotionStatement motion;
+    bool is_smooth = false;       ///< between keys of the scene
+    std::optional<double> every;  ///< frames so far apart [s]; none: at the keys
+    std::optional<double> radius; ///< of all bones [model unit]
     FleshStatement flesh;
 };
 

@@ -8,6 +8,7 @@
 #include "editor/cli/session_json.h"
 #include "editor/cli/told_in_time.h"
 #include "editor/flesh/flesh_simulation.h"
+#include "editor/session/retargeted_motion.h"
 #include "editor/session/volume.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
@@ -224,7 +225,7 @@ FleshFacts flesh_of_scene(const std::string& path, const Geometry& geometry,
     const SceneFile scene = read_scene(path);
     const std::shared_ptr<const FleshModel> model =
         flesh_model(std::shared_ptr<const Geometry>(std::shared_ptr<void>(), &geometry),
-                    scene, skeleton_of(*scene.skeleton, scene.path), cells, false);
+                    scene, moving_skeleton(*scene.skeleton, scene.path), cells, false);
     const FleshBody body = build_flesh(model);
     FleshFacts facts;
     facts.json = size_of(body);

@@ -16,6 +16,7 @@
 #include <Eigen/Geometry>
 
 #include "editor/session/drawn_shapes.h"
+#include "editor/session/retargeted_motion.h"
 #include "io/error.h"
 #include "io/skeleton_scene.h"
 #include "octree/base/clock.h"
@@ -54,7 +55,7 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
       is_of_second_order_(time_.integrator == "bdf2" &&
                           (scene.skeleton->flesh.law != "regions" ||
                            scene.skeleton->flesh.contact.empty())),
-      skeleton_(skeleton_of(*scene.skeleton, scene.path)),
+      skeleton_(moving_skeleton(*scene.skeleton, scene.path)),
       model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
       body_(build_flesh(model_)), warnings_(skeleton_.warnings)
 {

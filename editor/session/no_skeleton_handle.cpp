@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Built instead of skeleton_handle.cpp where skeletons are left out.
+#include "editor/session/retargeted_motion.h"
 #include "editor/session/skeleton_handle.h"
 
 #include "io/error.h"
@@ -34,6 +35,21 @@ KeyedJoints::KeyedJoints(const SkeletonValues&)
 }
 
 std::vector<Move> KeyedJoints::moves_at(double) const
+{
+    refuse_skeletons();
+}
+
+std::vector<JointMotion> KeyedJoints::motions_at(double) const
+{
+    refuse_skeletons();
+}
+
+std::vector<double> key_times(const SkeletonValues&)
+{
+    refuse_skeletons();
+}
+
+SkeletonValues moving_skeleton(const SkeletonScene&, const std::string&)
 {
     refuse_skeletons();
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "editor/session/retargeted_motion.h"
 #include "editor/session/skeleton_handle.h"
 #include "io/error.h"
 
@@ -14,7 +15,7 @@ std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& h
 {
     if (!scene.skeleton)
         return handles.empty() ? std::nullopt : std::optional(read_handles(handles));
-    const SkeletonValues skeleton = skeleton_of(*scene.skeleton, scene.path);
+    const SkeletonValues skeleton = moving_skeleton(*scene.skeleton, scene.path);
     warnings.insert(warnings.end(), skeleton.warnings.begin(), skeleton.warnings.end());
     HandleFile file;
     if (handles.empty())
@@ -29,6 +30,10 @@ std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& h
         std::any_of(file.stages.begin(), file.stages.end(),
                     [](const Stage& stage) { return !stage.frames.empty(); });
     // Keys of the scene are meant; those that only came with a file give way.
+    if (has_frames && !scene.skeleton->motion.file.empty())
+        throw malformed({scene.path, 0, "skeleton.motion"},
+                        "stands beside the frames of " + handles +
+                            ": one of them moves the skeleton");
     if (has_frames && !scene.skeleton->keys.empty())
         throw malformed({scene.path, 0, "skeleton.keys"},
                         "stand beside the frames of " + handles +

@@ -263,12 +263,7 @@ constexpr double kMostFrames = 100000;
 std::vector<double> frame_times(const SkeletonValues& skeleton,
                                 std::optional<double> every, const std::string& file)
 {
-    std::set<double> keys;
-    for (const TurnTrack& track : skeleton.turns)
-        keys.insert(track.times.begin(), track.times.end());
-    for (const ShiftTrack& track : skeleton.shifts)
-        keys.insert(track.times.begin(), track.times.end());
-    std::vector<double> times(keys.begin(), keys.end());
+    std::vector<double> times = key_times(skeleton);
     if (!every || times.empty())
         return times;
     const double first = times.front(), last = times.back();
@@ -386,6 +381,26 @@ std::vector<Move> KeyedJoints::moves_at(double time) const
     for (auto& [joint, move] : moves)
         out.push_back(std::move(move));
     return out;
+}
+
+std::vector<JointMotion> KeyedJoints::motions_at(double time) const
+{
+    std::vector<JointMotion> motions(tracks_->names.size());
+    for (const auto& [joint, keys] : tracks_->turns)
+        motions[joint].turn = keys.at(time);
+    for (const auto& [joint, keys] : tracks_->shifts)
+        motions[joint].shift = keys.at(time);
+    return motions;
+}
+
+std::vector<double> key_times(const SkeletonValues& skeleton)
+{
+    std::set<double> times;
+    for (const TurnTrack& track : skeleton.turns)
+        times.insert(track.times.begin(), track.times.end());
+    for (const ShiftTrack& track : skeleton.shifts)
+        times.insert(track.times.begin(), track.times.end());
+    return {times.begin(), times.end()};
 }
 
 std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,

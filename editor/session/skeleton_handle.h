@@ -88,6 +88,14 @@ std::shared_ptr<const SkeletonHandle>
 make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
                      const std::string& file);
 
+/// What a joint does from rest: its turn, in the axes of the rest pose as its parent has
+/// turned them, and its shift in these.
+struct JointMotion
+{
+    Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+    Eigen::Vector3d shift = Eigen::Vector3d::Zero(); ///< [model unit]
+};
+
 /// What the tracks of a skeleton do to its joints at any time. Immutable.
 class KeyedJoints
 {
@@ -97,11 +105,16 @@ public:
 
     /// Before the first key and after the last one a joint holds.
     std::vector<Move> moves_at(double time) const;
+    /// The same of every joint.
+    std::vector<JointMotion> motions_at(double time) const;
 
 private:
     struct Tracks;
     std::shared_ptr<const Tracks> tracks_;
 };
+
+/// Times at which a track of \p skeleton has a key, ascending.
+std::vector<double> key_times(const SkeletonValues& skeleton);
 
 /// The tracks of \p skeleton as frames, numbered from 1: at each time that has a key, or
 /// \p every so many seconds from the first on, and at the last. \p file: of the scene,
