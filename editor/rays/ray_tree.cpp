@@ -156,7 +156,11 @@ RayTree::RayTree(const RayDevice& device, Making making)
     if (making == Making::Quick)
     {
         state_->quality = RTC_BUILD_QUALITY_LOW;
-        rtcSetSceneFlags(state_->scene.get(), RTC_SCENE_FLAG_ROBUST);
+        // Compact: trees of a million samples take half a gigabyte otherwise, and rays
+        // are few.
+        rtcSetSceneFlags(
+            state_->scene.get(),
+            static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_COMPACT));
     }
     rtcSetSceneBuildQuality(state_->scene.get(), state_->quality);
 }
