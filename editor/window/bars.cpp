@@ -152,10 +152,21 @@ void show_file_menu(EditorApp& app)
     if (ImGui::MenuItem("Save as…", "Ctrl+Shift+S", false, has_document))
         app.choosing = Choosing::SaveAs;
     ImGui::Separator();
-    if (ImGui::MenuItem("Export model…", "Ctrl+E", false, has_document))
-        app.choosing = Choosing::ExportModel;
-    if (ImGui::MenuItem("Export field…", nullptr, false, has_document))
-        app.choosing = Choosing::ExportField;
+    const auto show_export =
+        [&](const char* name, const char* key, Choosing what, const std::string& why)
+    {
+        if (ImGui::MenuItem(name, key, false, has_document && why.empty()))
+            app.choose_export(what);
+        if (!why.empty())
+            tip(("Cannot be exported now: " + why).c_str());
+    };
+    const Editing* const editing = has_document ? &app.opened()->editing : nullptr;
+    show_export(editing != nullptr && editing->shows_film() ? "Export this frame…"
+                                                            : "Export model…",
+                "Ctrl+E", Choosing::ExportModel,
+                editing != nullptr ? editing->why_no_export() : "");
+    show_export("Export field…", nullptr, Choosing::ExportField,
+                editing != nullptr ? editing->why_no_field_export() : "");
     ImGui::Separator();
     if (ImGui::MenuItem("Close", "Ctrl+W", false, has_document))
         app.ask_to_close();
@@ -345,7 +356,10 @@ void show_tool_bar(EditorApp& app)
         if (toggle("Play", app.opened()->film != nullptr))
             app.opened()->film ? app.stop_playing() : app.play();
         ImGui::EndDisabled();
-        tip("What simulate makes of this scene");
+        const std::string poses = Film::poses_of(app.document());
+        tip(("What simulate makes of this scene" +
+             (poses.empty() ? "" : ": with " + poses))
+                .c_str());
         ImGui::SameLine();
         if (app.can_live())
         {
@@ -353,7 +367,9 @@ void show_tool_bar(EditorApp& app)
             if (toggle("Live", app.opened()->live != nullptr))
                 app.opened()->live ? app.stop_playing() : app.live();
             ImGui::EndDisabled();
-            tip("Flesh follows in real time: take its bones by their joints");
+            tip(("Flesh follows in real time, with " + poses +
+                 ": take its bones by their joints")
+                    .c_str());
             ImGui::SameLine();
         }
     }
@@ -384,13 +400,14 @@ void show_tool_bar(EditorApp& app)
 void show_film_bar(EditorApp& app, const ViewRect& view)
 {
     OpenedDocument* const opened = app.opened();
-    if (opened == nullptr || !opened->film)
+    if (opened == nullptr || (!opened->film && !opened->live))
         return;
-    const Film& film = *opened->film;
+    const std::string poses = Film::poses_of(app.document());
     const float width =
         std::min(static_cast<float>(view.width) - letters(8), letters(70));
     ImGui::SetNextWindowPos({static_cast<float>(view.x + view.width / 2) - width / 2,
-                             static_cast<float>(view.y + view.height) - letters(6)});
+                             static_cast<float>(view.y + view.height) -
+                                 letters(poses.empty() ? 6.0f : 8.6f)});
     ImGui::SetNextWindowSize({width, 0});
     ImGui::Begin("film", nullptr,
                  ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
@@ -403,6 +420,14 @@ void show_film_bar(EditorApp& app, const ViewRect& view)
     }
     tip("Back to what is edited");
     ImGui::SameLine();
+    if (opened->live)
+    {
+        ImGui::AlignTextToFramePadding();
+        ImGui::TextWrapped("Live, with %s", poses.c_str());
+        ImGui::End();
+        return;
+    }
+    const Film& film = *opened->film;
     const std::int64_t made = film.num_made();
     ImGui::BeginDisabled(made == 0);
     if (ImGui::Button(opened->film_stands ? "Go on" : "Hold") && made > 0)
@@ -423,6 +448,8 @@ void show_film_bar(EditorApp& app, const ViewRect& view)
                                  film.last() < 0 ? "…" : std::to_string(film.last() + 1))
                    : fmt::format("{:.2f} s",
                                  static_cast<double>(frame) * film.seconds_a_frame()));
+    if (!poses.empty())
+        ImGui::TextWrapped("With %s", poses.c_str());
     ImGui::End();
 }
 

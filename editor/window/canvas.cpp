@@ -168,7 +168,7 @@ public:
                 GL_TRIANGLES, num_coarse_, GL_UNSIGNED_INT,
                 reinterpret_cast<const void*>(idx(num_corners_) * sizeof(std::uint32_t)));
         else
-            glDrawElements(GL_TRIANGLES, num_corners_, GL_UNSIGNED_INT, nullptr);
+            draw_triangles();
     }
 
 private:
@@ -182,6 +182,21 @@ private:
                              colour[2] / 255.0f, 0.0f);
         }
         glVertexAttrib3f(1, 0.0f, 0.0f, 0.0f);
+    }
+    /// In parts: drivers without a graphics card keep all that was not flushed, 190 bytes
+    /// a triangle.
+    void draw_triangles() const
+    {
+        constexpr auto kAtOnce =
+            static_cast<GLsizei>(kCornersAtOnce - kCornersAtOnce % 3);
+        for (GLsizei first = 0; first < num_corners_; first += kAtOnce)
+        {
+            if (first > 0)
+                glFlush();
+            glDrawElements(
+                GL_TRIANGLES, std::min(kAtOnce, num_corners_ - first), GL_UNSIGNED_INT,
+                reinterpret_cast<const void*>(idx(first) * sizeof(std::uint32_t)));
+        }
     }
     void draw_points(int step) const
     {
@@ -341,6 +356,7 @@ struct Canvas::State
     Offscreen smooth{kSamples}, picture{1};
     bool is_smooth = false, is_kept = false; ///< the frame that is being drawn
     std::uint64_t num_uploads = 0;           ///< that brought something new
+    bool has_news = false;                   ///< the last upload brought some
     std::optional<PictureOf> picture_of;     ///< the picture that is kept
     std::optional<DrawnShape> shape, rest;
     CanvasCells cells;
@@ -394,6 +410,11 @@ bool Canvas::is_whole() const
     return state_->shape->is_whole() && state_->rest->is_whole();
 }
 
+bool Canvas::has_news() const
+{
+    return state_->has_news;
+}
+
 CellScale Canvas::scale_of_cells() const
 {
     return state_->cells.scale();
@@ -436,6 +457,7 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
         is_new = true;
     }
     state.num_uploads += is_new;
+    state.has_news = is_new;
     return ms_since(start);
 }
 

@@ -77,6 +77,8 @@ public:
     void clear();
     /// Copies what has changed since the last call. \return time that it took [ms]
     double upload(const CanvasScene& scene, const ViewOptions& options);
+    /// Whether the last upload() brought something new.
+    bool has_news() const;
     /// Whether all of it is there: of large meshes a part comes with each call, and fewer
     /// triangles are drawn until then.
     bool is_whole() const;

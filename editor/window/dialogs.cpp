@@ -22,7 +22,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-const char* title_of(Choosing choosing)
+std::string title_of(Choosing choosing, const OpenedDocument* opened)
 {
     switch (choosing)
     {
@@ -31,7 +31,9 @@ const char* title_of(Choosing choosing)
     case Choosing::SaveAs:
         return "Save scene and handles";
     case Choosing::ExportModel:
-        return "Export the bent model";
+        return opened != nullptr && opened->film
+                   ? "Export frame " + std::to_string(opened->film_frame)
+                   : "Export the bent model";
     case Choosing::ExportField:
         return "Export the field";
     }
@@ -69,7 +71,7 @@ constexpr ImGuiWindowFlags kModal = ImGuiWindowFlags_NoResize | ImGuiWindowFlags
 void FileDialog::begin(EditorApp& app, Choosing choosing)
 {
     shown_ = choosing;
-    is_taken_ = false;
+    is_taken_ = saves_poses_ = false;
     std::error_code failure;
     const fs::path now = fs::current_path(failure);
     if (folder_.empty())
@@ -87,7 +89,9 @@ void FileDialog::begin(EditorApp& app, Choosing choosing)
             name_ = scene.empty() ? model.stem().string() + "-edit.json"
                                   : fs::path(scene).filename().string();
         else if (choosing == Choosing::ExportModel)
-            name_ = model.stem().string() + "-bent" + model.extension().string();
+            name_ = model.stem().string() +
+                    (opened->film ? "-" + std::to_string(opened->film_frame) : "-bent") +
+                    model.extension().string();
         else
             name_ = model.stem().string() + ".cwf";
     }
@@ -180,7 +184,9 @@ void FileDialog::take(EditorApp& app, Choosing choosing, Overwrite overwrite)
                               {
                                   Editing& editing = app.opened()->editing;
                                   if (choosing == Choosing::SaveAs)
-                                      app.document().save(path, overwrite);
+                                      app.document().save(path, overwrite,
+                                                          saves_poses_ ? SavedPart::Poses
+                                                                       : SavedPart::All);
                                   else if (choosing == Choosing::ExportModel)
                                       editing.export_model(path, overwrite);
                                   else
@@ -210,7 +216,7 @@ void FileDialog::show(EditorApp& app)
     const Choosing choosing = *app.choosing;
     if (shown_ != choosing)
         begin(app, choosing);
-    const std::string title = std::string(title_of(choosing)) + "##file";
+    const std::string title = title_of(choosing, app.opened()) + "##file";
     if (!ImGui::IsPopupOpen(title.c_str()))
         ImGui::OpenPopup(title.c_str());
     centre_next_window(letters(84));
@@ -233,6 +239,14 @@ void FileDialog::show(EditorApp& app)
         "##name", "name of the file", &name_, ImGuiInputTextFlags_EnterReturnsTrue);
     if (const Notice* notice = app.notice(Place::Window); notice && notice->is_error)
         error_text(notice->text);
+    if (choosing == Choosing::SaveAs && app.document().has_keys_of_scene())
+    {
+        ImGui::Checkbox("The poses alone: without times, flesh and simulate",
+                        &saves_poses_);
+        if (const std::string why = app.document().why_not_whole();
+            !why.empty() && !saves_poses_)
+            warning_text("Else it cannot be saved: " + why);
+    }
     std::error_code none;
     const std::string old = in_the_way(choosing);
     const bool replaces = !old.empty();

@@ -36,8 +36,9 @@ private:
     std::optional<Choosing> shown_;
     std::string folder_, listed_, name_;
     std::vector<Entry> entries_;
-    std::string failure_;   ///< why the folder cannot be listed
-    bool is_taken_ = false; ///< by a double click
+    std::string failure_;      ///< why the folder cannot be listed
+    bool is_taken_ = false;    ///< by a double click
+    bool saves_poses_ = false; ///< alone, see SavedPart
 };
 
 /// "Save the changes?", "Recover the last session?"

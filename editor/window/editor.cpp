@@ -28,6 +28,8 @@ constexpr double kIdleWait = 0.25;
 constexpr double kProgressStep = 0.1;
 /// A frame with all triangles that takes longer is slow [ms].
 constexpr double kSlowFrame = 20.0;
+/// A slow frame with all triangles is drawn when no event has come for so long [s].
+constexpr double kHandRests = 0.25;
 /// ImGui needs another frame or two after an event to settle.
 constexpr int kFramesAfterEvent = 3;
 
@@ -100,8 +102,7 @@ bool Editor::handle_shortcut(const InputEvent& event)
             app_.save();
         return true;
     case 'e':
-        if (has_document)
-            app_.choosing = Choosing::ExportModel;
+        app_.choose_export(Choosing::ExportModel);
         return true;
     case 'w':
         app_.ask_to_close();
@@ -266,7 +267,6 @@ double Editor::draw_canvas()
         canvas_.clear();
         drawn_ = opened;
         whole_frames_.clear();
-        drawn_version_ = 0;
     }
     is_drawn_ = draws_all_ = draws_less_ = false;
     if (opened == nullptr)
@@ -290,13 +290,11 @@ double Editor::draw_canvas()
     if (canvas_.show_again(scene, options, view_, window_.height()))
         return upload_ms;
     // Where drawing is slow, all triangles and smooth edges wait until the hand rests and
-    // the solver, whose cores the drawing takes, has done its work. What it has found is
-    // seen at once that way too: the next frame is whole. A film, which has a new shape
-    // in each frame, stays whole.
-    const bool is_found =
-        editing.shape().version != drawn_version_ && opened->film == nullptr;
-    drawn_version_ = editing.shape().version;
-    draws_less_ = (is_at_work() || is_found) && whole_frames_.median() > kSlowFrame;
+    // the solver, whose cores the drawing takes, has done its work. Another shape or
+    // selection is seen at once that way too: the next frame is whole. A film, which has
+    // a new shape in each frame, stays whole.
+    const bool is_new = canvas_.has_news() && opened->film == nullptr;
+    draws_less_ = (is_at_work() || is_new) && whole_frames_.median() > kSlowFrame;
     if (draws_less_)
     {
         options.detail = Detail::Coarse;
@@ -336,6 +334,7 @@ FrameParts Editor::frame()
     parts.total = ms_since(start);
     app_.frame_times.add(seconds_now(), parts.total);
     parts.is_drawn = is_drawn_;
+    parts.is_coarse = is_drawn_ && draws_less_;
     if (draws_all_)
         whole_frames_.add(parts.total - parts.upload);
     window_.show_frame();
@@ -361,17 +360,20 @@ bool Editor::is_at_work()
     return !app_.is_idle() || (opened != nullptr && opened->hand.is_busy());
 }
 
-void Editor::run()
+void Editor::run(const std::atomic<int>& signal)
 {
     int frames_to_draw = kFramesAfterEvent;
-    double last_frame = 0.0;
+    double last_frame = 0.0, last_event = 0.0;
     while (!app_.wants_to_quit)
     {
         const bool is_idle = app_.is_idle();
-        const bool is_behind = draws_less_ && !is_at_work();
+        const bool is_behind =
+            draws_less_ && !is_at_work() && seconds_now() - last_event > kHandRests;
         window_.wait(frames_to_draw > 0 || is_behind ? 0.0
-                     : is_idle                       ? kIdleWait
+                     : is_idle && !draws_less_       ? kIdleWait
                                                      : kBusyWait);
+        if (signal != 0)
+            return app_.end_session();
         if (window_.wants_to_close())
         {
             window_.keep_open();
@@ -379,7 +381,10 @@ void Editor::run()
             frames_to_draw = kFramesAfterEvent;
         }
         if (window_.has_news())
+        {
             frames_to_draw = kFramesAfterEvent;
+            last_event = seconds_now();
+        }
         if (frames_to_draw == 0)
         {
             const bool is_new = app_.update();

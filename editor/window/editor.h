@@ -3,6 +3,7 @@
 // drawn. Scripts and people use the same way through.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <string>
 
@@ -21,8 +22,9 @@ struct FrameParts
 {
     double update = 0.0; ///< of document and hand
     double upload = 0.0, draw = 0.0;
-    double total = 0.0;    ///< from the first event to the drawn frame
-    bool is_drawn = false; ///< the view was; else its last picture was shown again
+    double total = 0.0;     ///< from the first event to the drawn frame
+    bool is_drawn = false;  ///< the view was; else its last picture was shown again
+    bool is_coarse = false; ///< with fewer triangles, for it would take long
 };
 
 class Editor
@@ -31,8 +33,9 @@ public:
     Editor(const WindowOptions& options, bool keeps_journals);
     ~Editor();
 
-    /// Until the user quits.
-    void run();
+    /// Until the user quits, or \p signal is not 0 any more: then the session ends as
+    /// end_session() does.
+    void run(const std::atomic<int>& signal);
 
     /// Takes the events that are there and draws a frame.
     FrameParts frame();
@@ -69,11 +72,10 @@ private:
     std::string title_;
     std::string words_;                     ///< that were drawn last
     const OpenedDocument* drawn_ = nullptr; ///< whose shape the canvas has
-    bool is_drawn_ = false;           ///< this frame: the view, not its last picture
-    bool draws_all_ = false;          ///< this frame: no coarse triangles
-    bool draws_less_ = false;         ///< this frame, for it would be slow
-    LastFrames whole_frames_;         ///< of that shape
-    std::uint64_t drawn_version_ = 0; ///< of that shape, the last one seen
+    bool is_drawn_ = false;   ///< this frame: the view, not its last picture
+    bool draws_all_ = false;  ///< this frame: no coarse triangles
+    bool draws_less_ = false; ///< this frame, for it would be slow
+    LastFrames whole_frames_; ///< of that shape
 };
 
 } // namespace cellwarp

@@ -84,6 +84,8 @@ void EditorApp::take_document(Document document)
     const std::vector<std::string>& warnings = opened_->editing.document().warnings();
     if (!warnings.empty())
         say(Place::Window, warnings.front());
+    else if (!opened_->editing.document().is_saved() && !asks_to_recover)
+        say(Place::Window, "Goes on with edits of the last session, which are not saved");
 }
 
 void EditorApp::close()
@@ -95,6 +97,30 @@ void EditorApp::close()
     is_exporting_ = false;
     asks_to_recover = false;
     asks_to_overwrite.clear();
+}
+
+void EditorApp::end_session()
+{
+    if (opened_ == nullptr)
+        return;
+    stop_playing();
+    opened_->hand.focus_lost();
+    attempt(Place::Window,
+            [&]
+            {
+                Document& ended = document();
+                try
+                {
+                    if (!ended.is_saved() && !ended.scene_path().empty())
+                        ended.save(ended.scene_path());
+                }
+                catch (const Error&)
+                {
+                    // The journal has the edits.
+                }
+                ended.close(opened_->hand.camera().text(), Unsaved::Keep);
+            });
+    opened_.reset();
 }
 
 void EditorApp::ask_to_open(const std::string& path)
@@ -154,7 +180,10 @@ bool EditorApp::update()
         opening_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
     {
         const std::string path = opening_path_;
-        if (!attempt(Place::Window, [&] { finish_opening(); }))
+        std::error_code unknown;
+        // What is there but cannot be read now may be read another time.
+        if (!attempt(Place::Window, [&] { finish_opening(); }) &&
+            !std::filesystem::exists(path, unknown) && !unknown)
             recent.forget(path);
         is_new = true;
     }
@@ -185,6 +214,20 @@ bool EditorApp::is_idle() const
            !opened_->editing.drag_status().is_dragging && !is_exporting_ &&
            !opened_->editing.is_drawing() && !(opened_->film && !opened_->film_stands) &&
            !opened_->live;
+}
+
+void EditorApp::choose_export(Choosing what)
+{
+    if (opened_ == nullptr)
+        return;
+    const std::string why = what == Choosing::ExportModel
+                                ? opened_->editing.why_no_export()
+                                : opened_->editing.why_no_field_export();
+    if (!why.empty())
+        return say(Place::Window, "Cannot be exported now: " + why, true);
+    if (opened_->film && opened_->editing.shows_film())
+        show_film_frame(opened_->film_frame, true);
+    choosing = what;
 }
 
 void EditorApp::export_field(const std::string& path, Overwrite overwrite)
@@ -364,7 +407,7 @@ void EditorApp::show_film_frame(std::int64_t frame, bool stands)
     o.film_frame = frame;
     o.film_stands = stands;
     o.film_begin = seconds_now() - static_cast<double>(frame) * o.film->seconds_a_frame();
-    o.editing.show_instead(o.film->shape(frame));
+    o.editing.show_instead(o.film->shape(frame), o.film->deformed(frame));
 }
 
 /// The frame whose time it is; where it is not made yet, the last one that is, and time
@@ -402,7 +445,7 @@ bool EditorApp::follow_film()
     if (frame == o.film_frame)
         return false;
     o.film_frame = frame;
-    o.editing.show_instead(o.film->shape(frame));
+    o.editing.show_instead(o.film->shape(frame), o.film->deformed(frame));
     return true;
 }
 

@@ -115,6 +115,10 @@ public:
 
     /// Ends the document's journal, saved or not.
     void close();
+    /// The same where nobody can be asked any more: the document's own scene is saved if
+    /// that is possible without a question, and else the next time goes on with the
+    /// edits.
+    void end_session();
 
     /// Runs a command; an error becomes a notice at \p place. False: it did not happen.
     bool attempt(Place place, const std::function<void()>& command);
@@ -129,6 +133,9 @@ public:
     void overwrite();
     void save_elsewhere();
     void cancel_save();
+    /// Asks for a file to write what is seen, or its field, into; a film is held at its
+    /// frame. Where it cannot be written a notice says why.
+    void choose_export(Choosing what);
     /// Begins to write the document's field; its end becomes a notice. Throws Error.
     void export_field(const std::string& path, Overwrite overwrite);
     /// Plays the scene in time, from its start; or goes back to what is edited.

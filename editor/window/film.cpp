@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/window/film.h"
 
+#include <filesystem>
 #include <mutex>
 #include <new>
 #include <stop_token>
@@ -24,10 +25,19 @@ namespace
 /// What frames may take together [byte].
 constexpr double kMostBytes = 2e9;
 
-double bytes_of(const ShownShape& shape)
+/// Kept as it is written; what is drawn of it is made when it is looked at.
+struct MadeFrame
 {
-    return sizeof(float) *
-           static_cast<double>(shape.positions.size() + shape.normals.size());
+    std::shared_ptr<const DeformedSamples> deformed;
+    std::vector<ShownLine> lines;
+};
+
+double bytes_of(const DeformedSamples& deformed)
+{
+    return sizeof(double) *
+           static_cast<double>(3 * (deformed.samples.size() + deformed.directions.size() +
+                                    deformed.tangents.size()) +
+                               4 * deformed.rotations.size());
 }
 
 } // namespace
@@ -39,8 +49,9 @@ struct Film::State
     SceneFile scene;
     WorkFrame view;
 
-    mutable std::mutex mutex; ///< of what follows
-    std::vector<std::shared_ptr<const ShownShape>> frames;
+    mutable std::mutex mutex;                  ///< of what follows
+    std::shared_ptr<const ShapeLayout> layout; ///< of all frames
+    std::vector<MadeFrame> frames;
     std::int64_t last = -1;
     double seconds = 1.0 / 30.0;
     std::string error;
@@ -61,19 +72,19 @@ struct Film::State
             !scene.time      ? film_of_rods({model, handles, scene})
             : scene.has_rods ? film_of_joined({model, handles, scene})
                              : film_of_flesh({model, handles, scene});
-        const std::shared_ptr<const ShapeLayout> layout = layout_of(model->geometry);
+        std::shared_ptr<const ShapeLayout> own_layout = layout_of(model->geometry);
         double bytes = 0.0;
         const auto add = [&]
         {
-            auto shape = std::make_shared<ShownShape>(
-                shown_at(model->geometry, source->samples(), layout, view));
-            shape->lines = source->lines(view);
-            bytes += bytes_of(*shape);
-            tell([&] { frames.push_back(std::move(shape)); });
+            MadeFrame made{std::make_shared<const DeformedSamples>(source->deformed()),
+                           source->lines(view)};
+            bytes += bytes_of(*made.deformed);
+            tell([&] { frames.push_back(std::move(made)); });
         };
         tell(
             [&]
             {
+                layout = std::move(own_layout);
                 last = source->last();
                 seconds = source->seconds_a_frame();
             });
@@ -134,6 +145,18 @@ bool Film::is_in(const Document& document)
            (scene.time && (scene.has_rods ? plays_joined() : plays_flesh()));
 }
 
+std::string Film::poses_of(const Document& document)
+{
+    const SceneFile scene = document.scene();
+    if (!scene.time)
+        return "";
+    const std::size_t own = document.num_frames_without_key();
+    return "the poses of " + std::filesystem::path(scene.path).filename().string() +
+           (own == 0   ? ""
+            : own == 1 ? ", without the one made here"
+                       : fmt::format(", without the {} made here", own));
+}
+
 Film::Film(const Editing& editing) : state_(std::make_unique<State>())
 {
     State& s = *state_;
@@ -179,8 +202,24 @@ std::string Film::error() const
 
 std::shared_ptr<const ShownShape> Film::shape(std::int64_t frame) const
 {
+    MadeFrame made;
+    std::shared_ptr<const ShapeLayout> layout;
+    {
+        const std::lock_guard lock(state_->mutex);
+        made = state_->frames[idx(frame)];
+        layout = state_->layout;
+    }
+    auto shape = std::make_shared<ShownShape>(shown_at(state_->model->geometry,
+                                                       made.deformed->samples,
+                                                       std::move(layout), state_->view));
+    shape->lines = std::move(made.lines);
+    return shape;
+}
+
+std::shared_ptr<const DeformedSamples> Film::deformed(std::int64_t frame) const
+{
     const std::lock_guard lock(state_->mutex);
-    return state_->frames[idx(frame)];
+    return state_->frames[idx(frame)].deformed;
 }
 
 } // namespace cellwarp

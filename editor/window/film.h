@@ -18,6 +18,10 @@ public:
     /// Whether a document has something to play: rods that carry its model, or flesh.
     static bool is_in(const Document& document);
 
+    /// Whose poses are played, where that may be others than those that are edited: the
+    /// flesh of a scene follows the keys of its file. Empty: what is edited.
+    static std::string poses_of(const Document& document);
+
     /// Begins to make the frames of a document as it is now. \pre is_in()
     explicit Film(const Editing& editing);
     /// Ends as soon as the step under way allows.
@@ -31,8 +35,10 @@ public:
     bool is_working() const;
     /// Why no more frames come, or what is wrong with those there are; empty: nothing.
     std::string error() const;
-    /// \pre frame < num_made()
+    /// What is seen of a frame. \pre frame < num_made()
     std::shared_ptr<const ShownShape> shape(std::int64_t frame) const;
+    /// What `cellwarp simulate` writes of it. \pre frame < num_made()
+    std::shared_ptr<const DeformedSamples> deformed(std::int64_t frame) const;
 
 private:
     struct State;

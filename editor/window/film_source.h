@@ -37,7 +37,7 @@ public:
     virtual double seconds_a_frame() const = 0;
     /// Goes on by one; why it did not converge, or nothing. Throws Error.
     virtual std::string next() = 0;
-    virtual std::vector<Eigen::Vector3d> samples() = 0; ///< now [model unit]
+    virtual DeformedSamples deformed() = 0; ///< the model now [model unit]
     virtual std::vector<ShownLine> lines(const WorkFrame& view) const = 0;
 };
 

@@ -51,10 +51,7 @@ public:
         const FleshFrame frame = simulation_.report();
         return frame.is_converged ? "" : frame.stop;
     }
-    std::vector<Eigen::Vector3d> samples() override
-    {
-        return simulation_.deformed().samples;
-    }
+    DeformedSamples deformed() override { return simulation_.deformed(); }
     std::vector<ShownLine> lines(const WorkFrame& view) const override
     {
         return shown_joints(simulation_.joints(), view);

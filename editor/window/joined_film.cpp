@@ -33,10 +33,7 @@ public:
         const SimulationReport report = simulation_.rods().report();
         return !report.is_converged ? report.stop : frame.is_converged ? "" : frame.stop;
     }
-    std::vector<Eigen::Vector3d> samples() override
-    {
-        return simulation_.flesh().deformed().samples;
-    }
+    DeformedSamples deformed() override { return simulation_.flesh().deformed(); }
     std::vector<ShownLine> lines(const WorkFrame& view) const override
     {
         std::vector<ShownLine> lines = shown_joints(simulation_.flesh().joints(), view);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp-editor: its command line, and the one place where errors become messages and
 // exit codes.
+#include <atomic>
+#include <csignal>
 #include <iostream>
 #include <new>
 #include <optional>
@@ -20,6 +22,14 @@ using namespace cellwarp;
 // The window's library calls exit() when its display goes away.
 const MemoryGuard guard
     __attribute__((init_priority(101))) (MemoryGuard::LibraryExit::Anything);
+
+/// The signal that ends the program; 0: none has come.
+std::atomic<int> signal_seen{0};
+
+extern "C" void end_at_signal(int signal)
+{
+    signal_seen = signal;
+}
 
 struct EditorFlags
 {
@@ -92,8 +102,13 @@ int run(int argc, char** argv)
     Editor editor(options, true);
     if (!flags.model.empty())
         editor.app().open(flags.model);
-    editor.run();
-    return 0;
+    std::signal(SIGINT, end_at_signal);
+    std::signal(SIGTERM, end_at_signal);
+    // nohup wants it ignored.
+    if (std::signal(SIGHUP, end_at_signal) == SIG_IGN)
+        std::signal(SIGHUP, SIG_IGN);
+    editor.run(signal_seen);
+    return signal_seen == 0 ? 0 : 128 + signal_seen;
 }
 
 /// Errors as messages and exit codes; what lacks memory for that, too, comes out.

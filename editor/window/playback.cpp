@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <ctime>
 #include <sstream>
 
 #include "io/error.h"
@@ -65,9 +66,9 @@ private:
     Button button() const;
     Modifiers modifiers(std::size_t first) const;
     OpenedDocument& opened() const;
-    void post(InputEvent event);
+    FrameParts post(InputEvent event);
     void move_to(const Eigen::Vector2d& place);
-    void press_at(Button button, bool is_pressed);
+    FrameParts press_at(Button button, bool is_pressed);
 
     Editor& editor_;
     const std::string& path_;
@@ -98,7 +99,8 @@ constexpr std::array<Known, 26> kKnown = {{
     {"key", 1, 4, &Player::key,
      "key NAME [ctrl] [shift] [alt]   g, 7, ?, enter, kp1, ..."},
     {"text", 1, 100, &Player::text, "text WORDS               as typed"},
-    {"wait", 0, 0, &Player::wait, "wait                     until the result is there"},
+    {"wait", 0, 0, &Player::wait,
+     "wait                     until what is asked for is there"},
     {"frames", 1, 1, &Player::frames, "frames N"},
     {"shot", 1, 1, &Player::shot, "shot FILE.png|FILE.ppm   of the window"},
     {"tool", 1, 1, &Player::tool, "tool click|box|lasso|brush|move|rotate|rod"},
@@ -116,8 +118,10 @@ constexpr std::array<Known, 26> kKnown = {{
      "film FRAME|off           of the scene in time, when it is made"},
     {"live", 1, 1, &Player::live,
      "live SECONDS|off         flesh in real time, until so much has passed in it"},
-    {"save", 1, 1, &Player::save, "save SCENE.json"},
-    {"export", 1, 1, &Player::export_model, "export FILE              the bent model"},
+    {"save", 1, 2, &Player::save,
+     "save SCENE.json [poses]  poses: without times, flesh and simulate"},
+    {"export", 1, 1, &Player::export_model,
+     "export FILE              the model as it is seen: bent, or a frame of the film"},
     {"undo", 0, 0, &Player::undo, "undo"},
     {"redo", 0, 0, &Player::redo, "redo"},
     {"recover", 1, 1, &Player::recover,
@@ -240,11 +244,11 @@ OpenedDocument& Player::opened() const
     return *editor_.app().opened();
 }
 
-void Player::post(InputEvent event)
+FrameParts Player::post(InputEvent event)
 {
     editor_.window().post(std::move(event));
     begun_ = Clock::now();
-    editor_.frame();
+    return editor_.frame();
 }
 
 void Player::move_to(const Eigen::Vector2d& place)
@@ -253,7 +257,7 @@ void Player::move_to(const Eigen::Vector2d& place)
     post({.kind = InputEvent::Kind::Move, .place = place});
 }
 
-void Player::press_at(Button button, bool is_pressed)
+FrameParts Player::press_at(Button button, bool is_pressed)
 {
     InputEvent event;
     event.kind = is_pressed ? InputEvent::Kind::Press : InputEvent::Kind::Release;
@@ -261,7 +265,7 @@ void Player::press_at(Button button, bool is_pressed)
     event.button = button;
     if (statement_->words[0] != "drag")
         event.modifiers = modifiers(2);
-    post(event);
+    return post(event);
 }
 
 void Player::size()
@@ -312,7 +316,10 @@ void Player::drag()
         times.blend_ms.push_back(status.blend_ms);
         times.latency_ms.push_back(status.latency_ms);
     }
-    press_at(held, false);
+    const std::clock_t start = std::clock();
+    times.release = press_at(held, false);
+    times.release_cpu_ms = 1e3 * static_cast<double>(std::clock() - start) /
+                           static_cast<double>(CLOCKS_PER_SEC);
     report_.drags.push_back(std::move(times));
 }
 
@@ -365,8 +372,10 @@ void Player::wait()
     WaitTime& time =
         report_.waits.emplace_back(WaitTime{statement_->line, ms_since(begun_), 0.0});
     if (OpenedDocument* opened = editor_.app().opened())
-        opened->editing.wait();
+        opened->editing.wait_for_drag();
     time.ms = ms_since(begun_);
+    if (OpenedDocument* opened = editor_.app().opened())
+        opened->editing.wait();
     for (int k = 0; k < 2 || !editor_.is_whole(); ++k) // and panels have settled
         editor_.frame();
     if (editor_.app().opened() == nullptr)
@@ -563,12 +572,17 @@ void Player::open()
 
 void Player::save()
 {
-    opened().editing.document().save(word(1), Overwrite::Yes);
+    if (num_words() > 2 && word(2) != "poses")
+        fail("nothing but poses can be saved alone (got " + in_quotes(word(2)) + ")");
+    opened().editing.document().save(word(1), Overwrite::Yes,
+                                     num_words() > 2 ? SavedPart::Poses : SavedPart::All);
     editor_.frame();
 }
 
 void Player::export_model()
 {
+    if (opened().editing.is_unsolved() && !opened().editing.shows_film())
+        opened().editing.solve();
     wait();
     opened().editing.export_model(word(1), Overwrite::Yes);
 }

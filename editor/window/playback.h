@@ -29,7 +29,9 @@ struct DragTimes
     std::int64_t line = 0;
     std::vector<FrameParts> frames;
     std::vector<double> solve_ms, blend_ms, latency_ms;
-    std::uint64_t solved = 0; ///< frames that the solver finished meanwhile
+    std::uint64_t solved = 0;    ///< frames that the solver finished meanwhile
+    FrameParts release;          ///< the frame that follows the release of the button
+    double release_cpu_ms = 0.0; ///< of it, on all threads
 };
 
 /// How long a `wait` took from the last event or statement before it.

@@ -15,6 +15,11 @@ namespace
 
 using Json = nlohmann::ordered_json;
 
+double rounded_ms(double ms)
+{
+    return std::round(ms * 1000.0) / 1000.0;
+}
+
 Json summary_of(std::vector<double> values)
 {
     if (values.empty())
@@ -23,7 +28,7 @@ Json summary_of(std::vector<double> values)
     const auto at = [&](double share)
     {
         const double place = share * static_cast<double>(values.size() - 1);
-        return std::round(values[idx(std::lround(place))] * 1000.0) / 1000.0;
+        return rounded_ms(values[idx(std::lround(place))]);
     };
     return {{"median", at(0.5)}, {"p95", at(0.95)}, {"worst", at(1.0)}};
 }
@@ -58,12 +63,18 @@ std::string report_text(const PlaybackReport& report)
              {"draw_ms", summary_of(column(drag.frames, &FrameParts::draw))},
              {"solve_ms", summary_of(drag.solve_ms)},
              {"blend_ms", summary_of(drag.blend_ms)},
-             {"latency_ms", summary_of(drag.latency_ms)}});
+             {"latency_ms", summary_of(drag.latency_ms)},
+             {"release_ms",
+              {{"total", rounded_ms(drag.release.total)},
+               {"update", rounded_ms(drag.release.update)},
+               {"upload", rounded_ms(drag.release.upload)},
+               {"draw", rounded_ms(drag.release.draw)},
+               {"cpu", rounded_ms(drag.release_cpu_ms)},
+               {"is_coarse", drag.release.is_coarse}}}});
     for (const WaitTime& wait : report.waits)
-        json["waits"].push_back(
-            {{"line", wait.line},
-             {"shape_ms", std::round(wait.shape_ms * 1000.0) / 1000.0},
-             {"ms", std::round(wait.ms * 1000.0) / 1000.0}});
+        json["waits"].push_back({{"line", wait.line},
+                                 {"shape_ms", rounded_ms(wait.shape_ms)},
+                                 {"ms", rounded_ms(wait.ms)}});
     return json.dump(2) + "\n";
 }
 

@@ -10,6 +10,7 @@
 
 #include "editor/window/panels.h"
 #include "editor/window/style.h"
+#include "editor/window/warning_words.h"
 #include "editor/window/widgets.h"
 
 namespace cellwarp
@@ -140,7 +141,7 @@ void show_list(EditorApp& app)
         ImGui::EndTable();
     }
     if (!failed.empty())
-        error_text(status.error);
+        error_text(in_window_words(status.error, app.document()));
 }
 
 void show_name(EditorApp& app, PanelState& state, const EditedRegion& region)

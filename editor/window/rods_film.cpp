@@ -20,8 +20,7 @@ public:
     explicit RodsFilm(const FilmScene& of)
         : rods_(parse_rod_scene(of.scene.path, of.scene.text)), simulation_(rods_),
           carried_(geometry_of(of.model), of.handles, settings_for(of), rods_.unit,
-                   simulation_),
-          rest_(of.model)
+                   simulation_)
     {
     }
 
@@ -35,7 +34,6 @@ public:
     }
     std::string next() override
     {
-        rest_.reset();
         simulation_.next_frame();
         carried_.follow(simulation_, true);
         const SimulationReport report = simulation_.report();
@@ -44,10 +42,7 @@ public:
         const SolveReport& cells = carried_.session().frames().back().solve;
         return cells.stop == Stop::Converged ? "" : stop_name(cells.stop);
     }
-    std::vector<Eigen::Vector3d> samples() override
-    {
-        return rest_ ? rest_->geometry.samples : carried_.session().deformed().samples;
-    }
+    DeformedSamples deformed() override { return carried_.session().deformed(); }
     std::vector<ShownLine> lines(const WorkFrame& view) const override
     {
         return shown_rods(simulation_, rods_.unit, view);
@@ -64,7 +59,6 @@ private:
     RodScene rods_;
     Simulation simulation_;
     CarriedModel carried_;
-    std::shared_ptr<const GeometryFile> rest_; ///< of frame 0
 };
 
 } // namespace

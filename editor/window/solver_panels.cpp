@@ -406,7 +406,7 @@ void show_solver_panel(EditorApp& app)
     faint_text(way_text(status));
     // What concerns a region is said there.
     if (status.state == SolveStatus::State::Failed && status.error_region.empty())
-        error_text(status.error);
+        error_text(in_window_words(status.error, app.document()));
     if (status.state == SolveStatus::State::Failed && ImGui::Button("Solve again"))
         app.opened()->editing.solve();
     // Before there is a region nothing is wrong yet.

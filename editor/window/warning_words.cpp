@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cctype>
+#include <string_view>
 
 #include "editor/document/document.h"
 
@@ -18,11 +19,24 @@ struct Words
     const char* window; ///< here
 };
 
-constexpr std::array<Words, 3> kWords = {
+/// Flags by the names of what sets the same here, longer ones first.
+constexpr std::array<Words, 13> kWords = {
     {{"'about border' turns it there", "Shift+V turns it there"},
      {" (a thicker shell folds less: --thickness)", " (a thicker shell folds less)"},
-     {": parts pass through each other",
-      ": parts pass through each other (Contact, under Cells, keeps them apart)"}}};
+     {"--fill closed", "Fill: Solid, openings closed (under Cells)"},
+     {"--fill solid", "Fill: Solid (under Cells)"},
+     {"--fill shell", "Fill: Shell (under Cells)"},
+     {"--loose stay", "Loose parts: Stay (under Cells)"},
+     {"--max-depth", "Depth (under Cells)"},
+     {"--max-cells", "'max_cells' of the scene"},
+     {"--no-flat", "'A flat model bends: In space' (under Cells)"},
+     {"--across", "Across (under Cells)"},
+     {"--gap", "Gap (under Cells)"},
+     {"--join", "'Join parts that touch' (under Cells)"},
+     {"--thickness", "'thickness' of the scene's cells"}}};
+/// Where contact has not been asked for, it is what helps.
+constexpr std::string_view kPassing = "parts pass through each other";
+constexpr std::string_view kContact = " (Contact, under Cells, keeps them apart)";
 
 /// Takes "FILE:12: " or "FILE: " from the beginning.
 void drop_file(std::string& text, const std::string& file)
@@ -47,14 +61,15 @@ std::string in_window_words(const std::string& warning, const Document& document
     for (const std::string& file :
          {document.handles().path, document.scene_path(), document.path()})
         drop_file(text, file);
-    const bool has_contact = document.settings().cells.contact.value_or(false);
     for (const Words& words : kWords)
     {
-        const std::string said = words.said;
-        if (const std::size_t at = text.find(said);
-            at != std::string::npos && !(has_contact && said.starts_with(": parts")))
-            text.replace(at, said.size(), words.window);
+        const std::string_view said = words.said, window = words.window;
+        for (std::size_t at = text.find(said); at != std::string::npos;
+             at = text.find(said, at + window.size()))
+            text.replace(at, said.size(), window);
     }
+    if (text.ends_with(kPassing) && !document.settings().cells.contact.value_or(false))
+        text += kContact;
     return text;
 }
 

@@ -100,6 +100,43 @@ TEST(Film, is_seen_instead_of_the_shape_and_nothing_is_in_the_hand_meanwhile)
     EXPECT_TRUE(editing.begin_point_drag("handle", 1, &why)) << why;
 }
 
+TEST(Film, frame_that_is_seen_is_the_one_that_is_exported)
+{
+    const Scene scene;
+    Editing editing(Document(scene.path, ""));
+    const Film film(editing);
+    wait(film);
+    ASSERT_EQ(
+        support::run({"simulate", scene.path, "-o", scene.folder / "f{frame}.obj"}).code,
+        0);
+    const std::string out = scene.folder / "out.obj";
+    for (const int frame : {0, 3})
+    {
+        editing.show_instead(film.shape(frame), film.deformed(frame));
+        EXPECT_EQ(editing.why_no_export(), "");
+        editing.export_model(out, Overwrite::Yes);
+        EXPECT_EQ(support::bytes_of(out),
+                  support::bytes_of(scene.folder / "f" + std::to_string(frame) + ".obj"));
+    }
+    // The field is of what is edited.
+    EXPECT_TRUE(contains(editing.why_no_field_export(), "a film is seen"));
+    EXPECT_THROW(editing.export_field(scene.folder / "f.cwf", Overwrite::Yes), Error);
+    // What moves on by itself is not written.
+    editing.show_instead(film.shape(4));
+    EXPECT_TRUE(contains(editing.why_no_export(), "moves on"));
+    EXPECT_TRUE(
+        contains(support::error_of(Fault::Usage,
+                                   [&] { editing.export_model(out, Overwrite::Yes); }),
+                 "moves on"));
+    // Without the film it is what is edited again, which nobody has asked for yet.
+    editing.show_instead(nullptr);
+    EXPECT_TRUE(contains(editing.why_no_export(), "at rest"));
+    editing.solve();
+    editing.wait();
+    editing.export_model(out, Overwrite::Yes);
+    EXPECT_EQ(support::bytes_of(out), support::bytes_of(scene.folder / "f0.obj"));
+}
+
 TEST(Film, that_cannot_be_says_why_and_one_that_is_dropped_ends)
 {
     const Scene none("-1");

@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
 #include <thread>
 
 #include <gtest/gtest.h>
 
 #include "editor/window/film.h"
 #include "io/geometry_file.h"
+#include "io/scene_file.h"
 #include "tests/editor/tools/desk.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
@@ -169,27 +171,50 @@ TEST(LiveFlesh, is_taken_by_its_joints_with_the_pointer)
     desk.editing.show_instead(nullptr);
 }
 
-TEST(LiveFlesh, is_not_lost_by_saving_what_is_edited)
+TEST(LiveFlesh, and_its_keys_are_kept_by_a_save_or_it_is_refused)
 {
     Desk desk(limb);
-    const std::string scene = desk.document().scene().path;
-    const std::string before = support::bytes_of(scene);
-    try
-    {
-        desk.document().save(scene);
-        ADD_FAILURE() << "it was saved";
-    }
-    catch (const Error& error)
-    {
-        EXPECT_EQ(error.fault(), Fault::Usage);
-        EXPECT_TRUE(contains(error.what(), "flesh in time"));
-    }
-    EXPECT_EQ(support::bytes_of(scene), before);
-    const std::string other = desk.folder / "other.json";
-    desk.document().save(other);
-    EXPECT_FALSE(contains(support::bytes_of(other), "simulate"));
-    EXPECT_EQ(support::run({"check", other}).code, 0);
-    EXPECT_EQ(support::bytes_of(scene), before);
+    Document& document = desk.document();
+    const std::string scene = document.scene().path;
+    EXPECT_EQ(Film::poses_of(document), "the poses of limb.json");
+    std::filesystem::create_directory(desk.folder / "deep");
+    const std::string other = desk.folder / "deep/other.json";
+    ASSERT_EQ(document.why_not_whole(), "");
+    document.save(other);
+    const SceneFile saved = read_scene(other), was = read_scene(scene);
+    ASSERT_TRUE(saved.skeleton && saved.time);
+    ASSERT_EQ(saved.skeleton->keys.size(), 2u);
+    EXPECT_EQ(saved.skeleton->keys[1].time, was.skeleton->keys[1].time);
+    EXPECT_EQ(saved.skeleton->keys[1].rotate, was.skeleton->keys[1].rotate);
+    EXPECT_EQ(saved.skeleton->flesh.young, 1e6);
+    EXPECT_EQ(saved.time->duration, was.time->duration);
+    EXPECT_EQ(saved.settings.cells.across, 6); // which was edited
+    EXPECT_TRUE(saved.handles.empty());
+    // It opens as what was saved, and its own scene is saved in place.
+    EXPECT_EQ(handle_text(Document(other, "").handles()),
+              handle_text(document.handles()));
+    document.save(other);
+    // A pose has no time.
+    const std::string before = support::bytes_of(other);
+    Placement to = document.region("knee")->placement;
+    to.axis = Vector3d::UnitZ();
+    to.degrees = 60.0;
+    document.move_region("knee", to);
+    EXPECT_TRUE(contains(document.why_not_whole(), "the pose made here has no time"));
+    EXPECT_EQ(Film::poses_of(document),
+              "the poses of other.json, without the one made here");
+    for (const std::string& path : {other, desk.folder / "third.json"})
+        EXPECT_TRUE(
+            contains(support::error_of(Fault::Usage, [&] { document.save(path); }),
+                     "has no time"));
+    EXPECT_EQ(support::bytes_of(other), before);
+    EXPECT_FALSE(std::filesystem::exists(desk.folder / "third.json"));
+    // Alone the poses are saved on request, and never over the scene in time.
+    EXPECT_THROW(document.save(other, Overwrite::Yes, SavedPart::Poses), Error);
+    document.save(desk.folder / "poses.json", Overwrite::No, SavedPart::Poses);
+    EXPECT_FALSE(contains(support::bytes_of(desk.folder / "poses.json"), "simulate"));
+    EXPECT_EQ(support::run({"check", desk.folder / "poses.json"}).code, 0);
+    EXPECT_EQ(support::bytes_of(other), before);
 }
 
 TEST(LiveFlesh, that_cannot_be_says_why)

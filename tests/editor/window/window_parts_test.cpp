@@ -14,6 +14,7 @@
 #include "editor/window/frame_times.h"
 #include "editor/window/places.h"
 #include "editor/window/playback.h"
+#include "editor/window/warning_words.h"
 #include "editor/window/window.h"
 #include "io/error.h"
 #include "tests/support/shapes.h"
@@ -168,6 +169,64 @@ TEST(EditorApp, goes_on_whatever_is_thrown_while_it_updates)
     EXPECT_EQ(app.notice(Place::Window)->text, "internal error: no thread");
     app.attempt(Place::Window, [] {});
     EXPECT_EQ(app.notice(Place::Window), nullptr);
+}
+
+TEST(EditorApp, keeps_a_file_that_another_window_has_open_among_the_recent_ones)
+{
+    const support::Folder folder;
+    const std::string state = folder / "state";
+    const char* const before = std::getenv("XDG_STATE_HOME");
+    const std::string old = before == nullptr ? "" : before;
+    ::setenv("XDG_STATE_HOME", state.c_str(), 1);
+    {
+        const std::string model = folder.write(
+            "bar.obj", support::obj_text(support::box_shape({0, 0, 0}, {3, 1, 1}, 4)));
+        EditorApp first(true);
+        first.open(model);
+        first.finish_opening();
+        EditorApp second(true);
+        ASSERT_EQ(second.recent.paths().size(), 1u);
+        const auto try_to_open = [&](const std::string& path)
+        {
+            second.open(path);
+            while (second.is_opening())
+                second.update();
+        };
+        try_to_open(model);
+        ASSERT_NE(second.notice(Place::Window), nullptr);
+        EXPECT_TRUE(support::contains(second.notice(Place::Window)->text,
+                                      "bar.obj: is open in another window (in use by"));
+        EXPECT_EQ(second.recent.paths().size(), 1u);
+        first.close();
+        std::filesystem::remove(model); // but one that is gone is struck off
+        try_to_open(model);
+        EXPECT_TRUE(second.recent.paths().empty());
+    }
+    before == nullptr ? ::unsetenv("XDG_STATE_HOME")
+                      : ::setenv("XDG_STATE_HOME", old.c_str(), 1);
+}
+
+TEST(WarningWords, are_those_of_the_window)
+{
+    const support::Folder folder;
+    const Document document(folder.write("bar.obj", support::obj_text(support::box_shape(
+                                                        {0, 0, 0}, {3, 1, 1}, 4))),
+                            "");
+    EXPECT_EQ(in_window_words(document.path() + ":12: head: frame 1: turns about the "
+                                                "middle of its box, 0.1 of the diagonal "
+                                                "off where it is attached ('about "
+                                                "border' turns it there)",
+                              document),
+              "head: frame 1: turns about the middle of its box, 0.1 of the diagonal off "
+              "where it is attached (Shift+V turns it there)");
+    EXPECT_TRUE(support::contains(
+        in_window_words(
+            "2 pairs of triangles intersect that do not at rest, the first at "
+            "1 2 3: parts pass through each other",
+            document),
+        "(Contact, under Cells, keeps them apart)"));
+    EXPECT_EQ(in_window_words("raise --across or --max-depth", document),
+              "raise Across (under Cells) or Depth (under Cells)");
 }
 
 TEST(EditorApp, solves_on_when_a_label_file_has_gone)

@@ -16,6 +16,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "editor/document/document.h"
 #include "octree/base/index.h"
 #include "tests/editor/window/display.h"
 #include "tests/support/program.h"
@@ -400,6 +401,73 @@ TEST_F(EditorWindow, is_drawn_at_any_size)
                                {bar(folder_)});
     EXPECT_EQ(result.code, 0) << result.err;
     EXPECT_EQ(Picture(file("narrow.ppm")).height, 900);
+}
+
+TEST_F(EditorWindow, draws_another_selection_of_many_samples_coarse_first)
+{
+    const std::string model = folder_.write(
+        "many.obj",
+        support::obj_text(support::box_shape({-2, -0.4, -0.4}, {2, 0.4, 0.4}, 90)));
+    const std::string report = file("report.json");
+    const Result result = play("size 1200 800\nkey 1 alt\nwait\nframes 3\ntool box\n"
+                               "drag 0.01vw 0.2vh 0.4vw 0.8vh 4\nframes 2\nshot " +
+                                   file("whole.ppm") + "\nquit\n",
+                               {"--report", report, model});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const auto json = nlohmann::json::parse(bytes_of(report));
+    EXPECT_TRUE(json["drags"][0]["release_ms"]["is_coarse"]);
+    EXPECT_GT(Picture(file("whole.ppm"))
+                  .spot([](int r, int g, int b) { return r > b + 60 && r > g + 40; })
+                  .pixels,
+              1000);
+}
+
+TEST_F(EditorWindow, keeps_what_is_edited_when_a_signal_ends_it)
+{
+    const std::string xdotool = support::installed("xdotool");
+    if (xdotool.empty())
+        GTEST_SKIP() << "xdotool is not installed";
+    const std::string model = bar(folder_);
+    const std::string scene =
+        folder_.write("s.json", R"({"cellwarp": 1, "model": "bar.obj"})");
+    const auto tool = [&](const std::vector<std::string>& arguments)
+    { return support::run_program(xdotool, arguments, on_display()); };
+    const auto pause = []
+    { std::this_thread::sleep_for(std::chrono::milliseconds(700)); };
+    for (const std::string& opened : {model, scene})
+    {
+        const pid_t editor = ::fork();
+        if (editor == 0)
+        {
+            on_display()();
+            ::execl(CELLWARP_EDITOR_BINARY, "cellwarp-editor", opened.c_str(), nullptr);
+            ::_exit(99);
+        }
+        const std::string name = std::filesystem::path(opened).filename().string();
+        ASSERT_EQ(tool({"search", "--sync", "--name", name}).code, 0);
+        pause();
+        tool({"mousemove", "300", "400"});
+        for (const char* key : {"a", "j"}) // all of it is fixed
+        {
+            pause();
+            tool({"key", key});
+        }
+        pause();
+        pause();
+        ::kill(editor, SIGTERM);
+        for (int k = 0; k < 30 && !has_ended(editor); ++k)
+            pause();
+        ::kill(editor, SIGKILL);
+        EXPECT_EQ(support::wait_for(editor), 143) << name;
+        // The next one goes on with it.
+        const Document next(opened, file("cellwarp/journals"));
+        EXPECT_EQ(next.num_recoverable(), 0u) << name;
+        ASSERT_EQ(next.regions().size(), 1u) << name;
+        EXPECT_EQ(next.regions()[0].role, Role::Fixed);
+        EXPECT_EQ(next.is_saved(), opened == scene);
+        EXPECT_TRUE(next.can_undo());
+    }
+    EXPECT_TRUE(contains(bytes_of(file("s.handles")), "fixed "));
 }
 
 TEST_F(EditorWindow, serves_real_events_of_the_display)
