@@ -118,6 +118,16 @@ quit
 END
 play "$work/select" --light "$here/samples/creature.obj"
 
+# The smallest screen with the largest letters.
+cat >"$work/small" <<END
+size 1024 768
+wait
+tool brush
+shot $folder/editor-small.png
+quit
+END
+play "$work/small" --scale 2 "$here/samples/flesh/walk.json"
+
 cat >"$work/keys" <<END
 size 1400 900
 shot $folder/editor-welcome.png

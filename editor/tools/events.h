@@ -19,7 +19,7 @@ struct Modifiers
     bool operator==(const Modifiers&) const = default;
 };
 
-/// Keys by what stands on them; letters and digits as their character, in lower case.
+/// Keys by their names; those with a character as Character.
 enum class Key
 {
     Character,
@@ -33,13 +33,15 @@ enum class Key
     Left,
     Right,
     Up,
-    Down
+    Down,
+    F6,
+    F10
 };
 
 struct KeyEvent
 {
     Key key = Key::Character;
-    char character = 0; ///< of Key::Character: 'g', '7', '.', '-', '?'
+    char character = 0; ///< of Key::Character, in lower case: 'g', '7', '.', '-', '?'
     bool is_keypad = false;
     Modifiers modifiers;
 };

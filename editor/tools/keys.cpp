@@ -97,7 +97,7 @@ constexpr auto kBindings = std::to_array<Binding>({
      "remove the active region, or point of a rod"},
     {Command::DrawCentreLine, kChar, 'd', kShift, Pad::Off, kRegions, "Shift+D",
      "rod along the middle of the limb that is selected"},
-    {Command::InsertPoint, kChar, 'n', kPlain, Pad::Off, kRegions, "N",
+    {Command::InsertPoint, kChar, 'n', kShift, Pad::Off, kRegions, "Shift+N",
      "another point of the rod, behind the active one"},
     {Command::ReleasePoint, kChar, 'u', kPlain, Pad::Off, kRegions, "U",
      "let the active point of a rod go"},

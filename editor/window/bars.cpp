@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Menu bar, tool bar and status bar.
+// Menu bar, column of tools, bar of options and status bar.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <optional>
 #include <string>
 
 #include <fmt/format.h>
@@ -21,10 +22,6 @@ namespace cellwarp
 namespace
 {
 
-/// Under this width tools show no names; where there is something to play it is larger
-/// [letters].
-constexpr float kRoomForNames = 100.0f, kRoomForPlay = 8.0f;
-
 struct ToolName
 {
     Tool tool;
@@ -32,14 +29,15 @@ struct ToolName
     const char* tip;
 };
 
-constexpr std::array<ToolName, 7> kTools = {
-    {{Tool::Click, "Click", "Select the sample under the pointer; drag for a rectangle"},
-     {Tool::Box, "Box", "Select what lies in a rectangle"},
-     {Tool::Lasso, "Lasso", "Select what lies in a drawn outline"},
-     {Tool::Brush, "Brush", "Paint over what is to be selected"},
-     {Tool::Move, "Move", "Move the active region"},
-     {Tool::Rotate, "Rotate", "Turn the active region, or twist a point of a rod"},
-     {Tool::Draw, "Rod", "Draw a rod through the shape, click by click"}}};
+constexpr std::array<ToolName, kNumTools> kTools = {
+    {{Tool::Click, "Click",
+      "Select the sample under the pointer; drag for a rectangle (1)"},
+     {Tool::Box, "Box", "Select what lies in a rectangle (2, B)"},
+     {Tool::Lasso, "Lasso", "Select what lies in a drawn outline (3)"},
+     {Tool::Brush, "Brush", "Paint over what is to be selected (4, C)"},
+     {Tool::Move, "Move", "Move the active region (5, G)"},
+     {Tool::Rotate, "Rotate", "Turn the active region, or twist a point of a rod (6, R)"},
+     {Tool::Draw, "Rod", "Draw a rod through the shape, click by click (7, D)"}}};
 
 void draw_arrow(ImDrawList& list, ImVec2 from, ImVec2 to, float width, ImU32 ink)
 {
@@ -105,30 +103,37 @@ void draw_icon(ImDrawList& list, Tool tool, ImVec2 c, float r, ImU32 ink)
     }
 }
 
-bool tool_button(const ToolName& tool, bool is_on, bool shows_name)
+/// A button with the tool's picture, and its name below where \p height has room for it.
+bool tool_button(const ToolName& tool, bool is_on, ImVec2 size)
 {
-    const float height = ImGui::GetFrameHeight() + letters(0.8f);
-    const float icon = 0.27f * height;
-    const float width =
-        shows_name ? height + ImGui::CalcTextSize(tool.name).x + letters(0.6f) : height;
-    ImGui::PushID(tool.name);
     const ImVec2 corner = ImGui::GetCursorScreenPos();
-    const bool is_pressed = ImGui::InvisibleButton("##tool", {width, height});
+    const bool is_pressed = ImGui::InvisibleButton(tool.name, size);
     const bool is_hovered = ImGui::IsItemHovered();
     ImDrawList& list = *ImGui::GetWindowDrawList();
+    const ImVec2 end(corner.x + size.x, corner.y + size.y);
     ImVec4 ground = palette().accent;
     ground.w = is_on ? 0.35f : 0.14f;
     if (is_on || is_hovered)
-        list.AddRectFilled(corner, {corner.x + width, corner.y + height}, packed(ground),
-                           letters(0.5f));
+        list.AddRectFilled(corner, end, packed(ground), letters(0.5f));
+    if (has_keyboard())
+        list.AddRect(corner, end, packed(palette().accent), letters(0.5f), 0,
+                     letters(0.2f));
     const ImU32 ink = ImGui::GetColorU32(ImGuiCol_Text);
-    draw_icon(list, tool.tool, {corner.x + height / 2, corner.y + height / 2}, icon, ink);
+    const float picture = letters(kToolSide);
+    const bool shows_name = size.y > 1.1f * picture;
+    draw_icon(list, tool.tool,
+              {corner.x + size.x / 2,
+               corner.y + (shows_name ? 0.45f * picture : 0.5f * size.y)},
+              (shows_name ? 0.24f : 0.27f) * picture, ink);
     if (shows_name)
-        list.AddText({corner.x + height - letters(0.2f),
-                      corner.y + (height - ImGui::GetFontSize()) / 2},
+    {
+        ImGui::PushFont(small_font());
+        const ImVec2 text = ImGui::CalcTextSize(tool.name);
+        list.AddText({corner.x + (size.x - text.x) / 2, end.y - text.y - letters(0.2f)},
                      ink, tool.name);
+        ImGui::PopFont();
+    }
     tip(tool.tip);
-    ImGui::PopID();
     return is_pressed;
 }
 
@@ -208,7 +213,7 @@ void show_rods_menu(EditorApp& app)
     item("Rod from the centre line", "Shift+D", Command::DrawCentreLine, takes_edits);
     tip("Of the limb that is selected, or active; of the whole shape where nothing is");
     ImGui::Separator();
-    item("Insert a point", "N", Command::InsertPoint, has_point);
+    item("Insert a point", "Shift+N", Command::InsertPoint, has_point);
     item("Let the point go", "U", Command::ReleasePoint, has_point);
     item("Let its direction and twist go", "Shift+U", Command::ReleaseDirection,
          has_point);
@@ -224,38 +229,108 @@ void show_view_menu(EditorApp& app)
     ImGui::MenuItem("Rest shape as a ghost", nullptr, &view.shows_ghost);
     ImGui::MenuItem("Floor", nullptr, &view.shows_floor);
     ImGui::Separator();
+    ImGui::MenuItem("Panel", "N", &app.panel.is_shown, app.opened() != nullptr);
     ImGui::MenuItem("Dark", nullptr, &view.is_dark);
     if (ImGui::MenuItem("Frame selection", "", false, app.opened() != nullptr))
         app.opened()->hand.frame_selection();
 }
 
-void show_view_toggles(EditorApp& app)
+void show_help_menu(EditorApp& app)
+{
+    if (ImGui::MenuItem("Keys", "?"))
+        app.shows_keys = true;
+}
+
+void next_cells(ViewOptions& view)
+{
+    view.cells = view.cells == CellsShown::No      ? CellsShown::Glass
+                 : view.cells == CellsShown::Glass ? CellsShown::Wire
+                                                   : CellsShown::No;
+}
+
+float button_width(const char* name)
+{
+    return ImGui::CalcTextSize(name).x + 2 * ImGui::GetStyle().FramePadding.x;
+}
+
+constexpr const char* kMore = "View ▾";
+constexpr float kOptionsTop = 0.9f; ///< of the bar's buttons [letters]
+
+/// A switch of the view.
+struct Switch
+{
+    const char *name, *tip;
+    bool* is_on; ///< null: cells
+};
+
+std::array<Switch, 4> view_switches(ViewOptions& view)
+{
+    return {
+        {{"Edges", "The edges of faces", &view.shows_edges},
+         {"Colours", "The colours of regions", &view.shows_regions},
+         {"Rest shape", "The shape before it was bent, as a ghost", &view.shows_ghost},
+         {"Cells", "The cells as glass, as wire, not at all", nullptr}}};
+}
+
+bool is_on(const Switch& of, const ViewOptions& view)
+{
+    return of.is_on ? *of.is_on : view.cells != CellsShown::No;
+}
+
+void press(const Switch& of, ViewOptions& view)
+{
+    if (of.is_on)
+        *of.is_on = !*of.is_on;
+    else
+        next_cells(view);
+}
+
+void show_radius(Interaction& hand, float width)
+{
+    auto radius = static_cast<float>(hand.brush_radius());
+    ImGui::SetNextItemWidth(width);
+    if (ImGui::SliderFloat("##radius", &radius,
+                           static_cast<float>(Interaction::kBrushSmallest),
+                           static_cast<float>(Interaction::kBrushLargest), "radius %.0f",
+                           ImGuiSliderFlags_Logarithmic))
+        hand.set_brush_radius(radius);
+    tip("The wheel changes it, too");
+}
+
+/// Switches of the view, at the right end of the bar; where there is no room for them,
+/// one button opens them as a list, with the brush's radius if \p has_radius.
+void show_view_switches(EditorApp& app, bool has_radius)
 {
     ViewOptions& view = app.view;
-    const std::array<const char*, 4> names = {"Edges", "Colours", "Rest shape", "Cells"};
-    float width = 0.0f;
-    for (const char* name : names)
-        width += ImGui::CalcTextSize(name).x + 2 * ImGui::GetStyle().FramePadding.x +
-                 ImGui::GetStyle().ItemSpacing.x;
-    ImGui::SameLine(std::max(ImGui::GetCursorPosX(),
-                             ImGui::GetWindowWidth() - width - letters(0.6f)));
-    ImGui::SetCursorPosY(letters(1.1f));
-    if (toggle(names[0], view.shows_edges))
-        view.shows_edges = !view.shows_edges;
-    ImGui::SameLine();
-    if (toggle(names[1], view.shows_regions))
-        view.shows_regions = !view.shows_regions;
-    tip("The colours of regions");
-    ImGui::SameLine();
-    if (toggle(names[2], view.shows_ghost))
-        view.shows_ghost = !view.shows_ghost;
-    tip("The shape before it was bent, as a ghost");
-    ImGui::SameLine();
-    if (toggle(names[3], view.cells != CellsShown::No))
-        view.cells = view.cells == CellsShown::No      ? CellsShown::Glass
-                     : view.cells == CellsShown::Glass ? CellsShown::Wire
-                                                       : CellsShown::No;
-    tip("The cells as glass, as wire, not at all");
+    const float gap = ImGui::GetStyle().ItemSpacing.x;
+    const float end = ImGui::GetWindowWidth() - letters(0.6f);
+    float width = -gap;
+    for (const Switch& of : view_switches(view))
+        width += button_width(of.name) + gap;
+    if (!has_radius && ImGui::GetCursorPosX() + width <= end)
+    {
+        ImGui::SetCursorPos({end - width, letters(kOptionsTop)});
+        for (const Switch& of : view_switches(view))
+        {
+            if (toggle(of.name, is_on(of, view)))
+                press(of, view);
+            tip(of.tip);
+            ImGui::SameLine();
+        }
+        return;
+    }
+    ImGui::SetCursorPos({std::max(ImGui::GetCursorPosX(), end - button_width(kMore)),
+                         letters(kOptionsTop)});
+    if (ImGui::Button(kMore))
+        ImGui::OpenPopup("switches");
+    if (!ImGui::BeginPopup("switches"))
+        return;
+    if (has_radius)
+        show_radius(app.opened()->hand, letters(14));
+    for (const Switch& of : view_switches(view))
+        if (ImGui::MenuItem(of.name, nullptr, is_on(of, view)))
+            press(of, view);
+    ImGui::EndPopup();
 }
 
 /// What is selected, and what is under the pointer: the nearest sample, where it is at
@@ -284,10 +359,32 @@ std::string at_rest(const EditorApp& app)
     return said + " of " + region.name + " (" + role_name(region.role) + ")";
 }
 
+/// What a command had to say, also where the panel that would show it is hidden.
+const Notice* seen_notice(const EditorApp& app)
+{
+    if (!app.panel.is_shown)
+        for (const Place place :
+             {Place::Regions, Place::Cells, Place::Field, Place::Solver})
+            if (const Notice* const notice = app.notice(place))
+                return notice;
+    return app.notice(Place::Window);
+}
+
 } // namespace
 
-float show_menu_bar(EditorApp& app)
+float show_menu_bar(EditorApp& app, PanelFocus& focus)
 {
+    struct Menu
+    {
+        const char* name;
+        void (*show)(EditorApp&);
+    };
+    constexpr std::array<Menu, 5> kMenus = {{{"File", show_file_menu},
+                                             {"Edit", show_edit_menu},
+                                             {"Rods", show_rods_menu},
+                                             {"View", show_view_menu},
+                                             {"Help", show_help_menu}}};
+    const std::optional<int> wanted = focus.take_menu_wish();
     float height = 0.0f;
     ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
     const bool is_open = ImGui::BeginMainMenuBar();
@@ -295,62 +392,52 @@ float show_menu_bar(EditorApp& app)
     if (!is_open)
         return height;
     height = ImGui::GetWindowHeight();
-    if (ImGui::BeginMenu("File"))
+    constexpr int kCount = static_cast<int>(kMenus.size());
+    for (int k = 0; k < kCount; ++k)
     {
-        show_file_menu(app);
+        if (wanted == k)
+            ImGui::OpenPopup(kMenus[idx(k)].name);
+        if (!ImGui::BeginMenu(kMenus[idx(k)].name))
+            continue;
+        kMenus[idx(k)].show(app);
         ImGui::EndMenu();
-    }
-    if (ImGui::BeginMenu("Edit"))
-    {
-        show_edit_menu(app);
-        ImGui::EndMenu();
-    }
-    if (ImGui::BeginMenu("Rods"))
-    {
-        show_rods_menu(app);
-        ImGui::EndMenu();
-    }
-    if (ImGui::BeginMenu("View"))
-    {
-        show_view_menu(app);
-        ImGui::EndMenu();
-    }
-    if (ImGui::BeginMenu("Help"))
-    {
-        if (ImGui::MenuItem("Keys", "?"))
-            app.shows_keys = true;
-        ImGui::EndMenu();
+        if (const int step = focus.menu_step(); step != 0)
+            focus.wish_menu((k + step + kCount) % kCount);
     }
     const std::string title = app.title();
     const float width = ImGui::CalcTextSize(title.c_str()).x;
-    const float middle = (ImGui::GetWindowWidth() - width) / 2;
-    if (middle > ImGui::GetCursorPosX())
+    const float room = ImGui::GetWindowWidth() - width;
+    if (const float left = ImGui::GetCursorPosX(); room > left + letters(1))
     {
-        ImGui::SameLine(middle);
+        ImGui::SameLine(std::max(room / 2, left + letters(1)));
         ImGui::TextColored(palette().faint, "%s", title.c_str());
     }
     ImGui::EndMainMenuBar();
     return height;
 }
 
-void show_tool_bar(EditorApp& app)
+void show_tool_column(EditorApp& app, const Layout& layout)
 {
-    if (app.opened() == nullptr)
-        return;
     Interaction& hand = app.opened()->hand;
-    const bool plays = Film::is_in(app.document());
-    const bool shows_names =
-        ImGui::GetWindowWidth() > letters(kRoomForNames + (plays ? kRoomForPlay : 0.0f) +
-                                          (app.can_live() ? kRoomForPlay : 0.0f));
-    ImGui::SetCursorPos({letters(0.6f), letters(0.6f)});
-    for (const ToolName& tool : kTools)
+    const float gap = letters(kToolGap);
+    const ImVec2 size = layout.shows_names
+                            ? ImVec2(letters(kToolHeight), letters(kToolHeight))
+                            : ImVec2(letters(kToolSide), letters(kToolSide));
+    for (std::size_t k = 0; k < kTools.size(); ++k)
     {
-        if (tool_button(tool, hand.tool() == tool.tool, shows_names))
-            hand.set_tool(tool.tool);
-        ImGui::SameLine(0, letters(tool.tool == Tool::Brush ? 1.4f : 0.3f));
+        const auto columns = static_cast<std::size_t>(layout.num_columns);
+        ImGui::SetCursorPos({gap + static_cast<float>(k % columns) * (size.x + gap),
+                             gap + static_cast<float>(k / columns) * (size.y + gap)});
+        if (tool_button(kTools[k], hand.tool() == kTools[k].tool, size))
+            hand.set_tool(kTools[k].tool);
     }
-    ImGui::SetCursorPosY(letters(1.1f));
-    if (plays)
+}
+
+void show_tool_options(EditorApp& app)
+{
+    Interaction& hand = app.opened()->hand;
+    ImGui::SetCursorPos({letters(0.6f), letters(kOptionsTop)});
+    if (Film::is_in(app.document()))
     {
         ImGui::BeginDisabled(!app.takes_edits() && !app.opened()->film);
         if (toggle("Play", app.opened()->film != nullptr))
@@ -378,23 +465,18 @@ void show_tool_bar(EditorApp& app)
     {
         if (toggle("Through", hand.selects_through()))
             hand.set_selects_through(!hand.selects_through());
-        tip("Select also what is hidden");
+        tip("Select also what is hidden (Alt+Z)");
         ImGui::SameLine();
     }
-    if (tool == Tool::Brush)
+    const float room = ImGui::GetWindowWidth() - ImGui::GetCursorPosX() -
+                       button_width(kMore) - letters(2);
+    const bool has_room = room >= letters(9);
+    if (tool == Tool::Brush && has_room)
     {
-        auto radius = static_cast<float>(hand.brush_radius());
-        ImGui::SetCursorPosY(letters(1.1f));
-        ImGui::SetNextItemWidth(letters(14));
-        if (ImGui::SliderFloat("##radius", &radius,
-                               static_cast<float>(Interaction::kBrushSmallest),
-                               static_cast<float>(Interaction::kBrushLargest),
-                               "radius %.0f", ImGuiSliderFlags_Logarithmic))
-            hand.set_brush_radius(radius);
-        tip("The wheel changes it, too");
+        show_radius(hand, std::min(room, letters(14)));
         ImGui::SameLine();
     }
-    show_view_toggles(app);
+    show_view_switches(app, tool == Tool::Brush && !has_room);
 }
 
 void show_film_bar(EditorApp& app, const ViewRect& view)
@@ -404,7 +486,7 @@ void show_film_bar(EditorApp& app, const ViewRect& view)
         return;
     const std::string poses = Film::poses_of(app.document());
     const float width =
-        std::min(static_cast<float>(view.width) - letters(8), letters(70));
+        std::min(static_cast<float>(view.width) - letters(1), letters(70));
     ImGui::SetNextWindowPos({static_cast<float>(view.x + view.width / 2) - width / 2,
                              static_cast<float>(view.y + view.height) -
                                  letters(poses.empty() ? 6.0f : 8.6f)});
@@ -436,7 +518,7 @@ void show_film_bar(EditorApp& app, const ViewRect& view)
     ImGui::SameLine();
     std::int64_t frame = std::max<std::int64_t>(0, opened->film_frame);
     const std::int64_t first = 0, last = std::max<std::int64_t>(0, made - 1);
-    ImGui::SetNextItemWidth(-letters(22));
+    ImGui::SetNextItemWidth(-std::min(letters(22), 0.3f * width));
     if (ImGui::SliderScalar("##frame", ImGuiDataType_S64, &frame, &first, &last,
                             "%lld") &&
         made > 0)
@@ -459,7 +541,7 @@ void show_status_bar(EditorApp& app)
     ImGui::SetCursorPosX(letters(1.2f));
     std::string said;
     ImVec4 colour = ImGui::GetStyleColorVec4(ImGuiCol_Text);
-    if (const Notice* notice = app.notice(Place::Window))
+    if (const Notice* notice = seen_notice(app))
     {
         said = notice->text;
         if (notice->is_error)

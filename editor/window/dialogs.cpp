@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <utility>
 
 #include <imgui.h>
 #include <imgui_stdlib.h>
@@ -13,6 +14,7 @@
 #include "io/geometry.h"
 #include "io/geometry_file.h"
 #include "io/text.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -131,21 +133,28 @@ std::string FileDialog::chosen() const
 void FileDialog::show_entries(Choosing choosing)
 {
     ImGui::PushStyleColor(ImGuiCol_ChildBg, palette().bar);
-    ImGui::BeginChild("entries", {0, letters(38)}, false,
-                      ImGuiWindowFlags_AlwaysUseWindowPadding);
+    const float most = ImGui::GetIO().DisplaySize.y - letters(26);
+    ImGui::BeginChild("entries", {0, std::clamp(most, letters(6), letters(38))}, false,
+                      ImGuiWindowFlags_AlwaysUseWindowPadding |
+                          ImGuiWindowFlags_NavFlattened);
     std::string entered;
     for (const Entry& entry : entries_)
     {
         const std::string text = (entry.is_folder ? "▸  " : "     ") + entry.name;
-        if (!ImGui::Selectable(text.c_str(), entry.name == name_,
-                               ImGuiSelectableFlags_AllowDoubleClick))
+        const bool is_chosen = entry.name == name_;
+        const bool is_pressed = ImGui::Selectable(text.c_str(), is_chosen,
+                                                  ImGuiSelectableFlags_AllowDoubleClick);
+        if (is_chosen && is_stepped_)
+            ImGui::SetScrollHereY();
+        if (!is_pressed)
             continue;
         if (entry.is_folder)
             entered = entry.name;
         else
         {
             name_ = entry.name;
-            is_taken_ = ImGui::IsMouseDoubleClicked(0) && choosing == Choosing::Open;
+            is_taken_ = choosing == Choosing::Open &&
+                        (ImGui::IsMouseDoubleClicked(0) || has_keyboard());
         }
     }
     if (!failure_.empty())
@@ -156,6 +165,44 @@ void FileDialog::show_entries(Choosing choosing)
     ImGui::PopStyleColor();
     if (!entered.empty())
         folder_ = (fs::path(folder_) / entered).string();
+}
+
+/// The name of the entry above or below the one that is named.
+std::string FileDialog::next_name(int step) const
+{
+    if (entries_.empty())
+        return name_;
+    const auto now =
+        std::find_if(entries_.begin(), entries_.end(),
+                     [&](const Entry& entry) { return entry.name == name_; });
+    const std::ptrdiff_t last = std::ssize(entries_) - 1;
+    const std::ptrdiff_t next = now != entries_.end() ? now - entries_.begin() + step
+                                : step > 0            ? 0
+                                                      : last;
+    return entries_[idx(std::clamp<std::ptrdiff_t>(next, 0, last))].name;
+}
+
+/// The field of the file's name; the arrows go through the list. True: Enter was pressed.
+bool FileDialog::show_name()
+{
+    is_stepped_ = false;
+    const auto step = [](ImGuiInputTextCallbackData* data)
+    {
+        auto& dialog = *static_cast<FileDialog*>(data->UserData);
+        const std::string next =
+            dialog.next_name(data->EventKey == ImGuiKey_DownArrow ? 1 : -1);
+        data->DeleteChars(0, data->BufTextLen);
+        data->InsertChars(0, next.c_str());
+        dialog.is_stepped_ = true;
+        return 0;
+    };
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::IsWindowAppearing() || std::exchange(wants_keyboard_, false))
+        ImGui::SetKeyboardFocusHere();
+    return ImGui::InputTextWithHint("##name", "name of the file", &name_,
+                                    ImGuiInputTextFlags_EnterReturnsTrue |
+                                        ImGuiInputTextFlags_CallbackHistory,
+                                    step, this);
 }
 
 std::string FileDialog::in_the_way(Choosing choosing) const
@@ -232,11 +279,7 @@ void FileDialog::show(EditorApp& app)
         !typed.empty())
         folder_ = typed;
     show_entries(choosing);
-    ImGui::SetNextItemWidth(-1);
-    if (ImGui::IsWindowAppearing())
-        ImGui::SetKeyboardFocusHere();
-    const bool is_entered = ImGui::InputTextWithHint(
-        "##name", "name of the file", &name_, ImGuiInputTextFlags_EnterReturnsTrue);
+    const bool is_entered = show_name();
     if (const Notice* notice = app.notice(Place::Window); notice && notice->is_error)
         error_text(notice->text);
     if (choosing == Choosing::SaveAs && app.document().has_keys_of_scene())
@@ -275,6 +318,7 @@ void FileDialog::show(EditorApp& app)
         {
             folder_ = chosen();
             name_.clear();
+            wants_keyboard_ = true;
         }
         else
             take(app, choosing, replaces ? Overwrite::Yes : Overwrite::No);
@@ -347,6 +391,7 @@ void ask_to_overwrite(EditorApp& app)
     ImGui::SameLine();
     if (ImGui::Button("Save as", size))
         answer(&EditorApp::save_elsewhere);
+    ImGui::SetItemDefaultFocus(); // Enter overwrites nothing
     ImGui::SameLine();
     if (ImGui::Button("Cancel", size) ||
         ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
@@ -388,6 +433,14 @@ void ask_to_recover(EditorApp& app)
         app.attempt(Place::Window, [&] { app.document().drop_recoverable(); });
         ImGui::CloseCurrentPopup();
     }
+    ImGui::SameLine();
+    if (ImGui::Button("Close", size) ||
+        ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
+    {
+        ImGui::CloseCurrentPopup();
+        app.close();
+    }
+    tip("Closes the file; its edits can be recovered when it is opened again");
     ImGui::EndPopup();
 }
 

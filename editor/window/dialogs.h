@@ -28,6 +28,8 @@ private:
     void begin(EditorApp& app, Choosing choosing);
     void list_folder();
     void show_entries(Choosing choosing);
+    bool show_name();
+    std::string next_name(int step) const;
     std::string chosen() const;
     /// The file that would be replaced; empty: none.
     std::string in_the_way(Choosing choosing) const;
@@ -36,9 +38,11 @@ private:
     std::optional<Choosing> shown_;
     std::string folder_, listed_, name_;
     std::vector<Entry> entries_;
-    std::string failure_;      ///< why the folder cannot be listed
-    bool is_taken_ = false;    ///< by a double click
-    bool saves_poses_ = false; ///< alone, see SavedPart
+    std::string failure_;         ///< why the folder cannot be listed
+    bool is_taken_ = false;       ///< by a double click, or Enter on an entry
+    bool wants_keyboard_ = false; ///< the name, in the next frame
+    bool is_stepped_ = false;     ///< the arrows have chosen another entry
+    bool saves_poses_ = false;    ///< alone, see SavedPart
 };
 
 /// "Save the changes?", "Recover the last session?"

@@ -57,7 +57,8 @@ void show_history_panel(EditorApp& app, PanelState& state)
     faint_text(counted(static_cast<std::int64_t>(history.position())) + " of " +
                counted(static_cast<std::int64_t>(history.size()), "edit", "edits"));
     ImGui::PushStyleColor(ImGuiCol_ChildBg, palette().bar);
-    ImGui::BeginChild("edits", {0, ImGui::GetTextLineHeightWithSpacing() * 7.5f}, false);
+    ImGui::BeginChild("edits", {0, ImGui::GetTextLineHeightWithSpacing() * 7.5f}, false,
+                      ImGuiWindowFlags_NavFlattened);
     ImGui::Indent(letters(0.6f));
     std::optional<std::size_t> wanted;
     ImGuiListClipper clipper;

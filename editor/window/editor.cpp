@@ -18,7 +18,6 @@ namespace cellwarp
 namespace
 {
 
-constexpr float kPanelWidth = 36.0f; ///< [letters]
 /// While a result is made, or a handle is in the hand, new shapes are looked for this
 /// often [s].
 constexpr double kBusyWait = 0.004;
@@ -38,6 +37,12 @@ std::uint32_t bit_of(Button button)
     return 1u << static_cast<unsigned>(button);
 }
 
+/// The bars around the view.
+constexpr ImGuiWindowFlags kBarFlags =
+    ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
+    ImGuiWindowFlags_NoNavFocus;
+
 bool is_pointer(const InputEvent& event)
 {
     return event.kind == InputEvent::Kind::Move ||
@@ -51,45 +56,60 @@ Editor::Editor(const WindowOptions& options, bool keeps_journals)
     : window_(options), app_(keeps_journals)
 {
     app_.view.is_dark = is_dark_ = options.is_dark;
-    lay_out();
+    layout_ = lay_out(sizes(), app_.panel);
 }
 
 Editor::~Editor() = default;
 
-void Editor::lay_out()
+LayoutSizes Editor::sizes() const
 {
     // Widths follow the font, which there is from the first frame on.
-    const float scale = static_cast<float>(window_.scale());
-    const float letter = 15.0f * scale * 0.62f;
-    const bool has_document = app_.opened() != nullptr;
-    const float panel = has_document ? kPanelWidth * letter : 0.0f;
-    const float tools = has_document ? 4.8f * letter : 0.0f;
-    const float status = 3.2f * letter;
-    view_.x = 0;
-    view_.y = static_cast<int>(menu_height_ + tools);
-    view_.width =
-        std::max(0, static_cast<int>(static_cast<float>(window_.width()) - panel));
-    view_.height = std::max(
-        0, static_cast<int>(static_cast<float>(window_.height() - view_.y) - status));
+    const float letter = 15.0f * static_cast<float>(window_.scale()) * 0.62f;
+    return {window_.width(), window_.height(), letter, menu_height_,
+            app_.opened() != nullptr ? kNumTools : 0};
+}
+
+/// The dialog that covers the window, by a number of its own; 0: none.
+int Editor::dialog() const
+{
+    return app_.choosing                     ? 5 + static_cast<int>(*app_.choosing)
+           : !app_.asks_to_overwrite.empty() ? 1
+           : app_.leaving != Leaving::No     ? 2
+           : app_.asks_to_recover            ? 3
+           : app_.shows_keys                 ? 4
+                                             : 0;
 }
 
 bool Editor::panels_have(const InputEvent& event) const
 {
-    const bool has_popup = ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId |
-                                                      ImGuiPopupFlags_AnyPopupLevel);
-    if (has_popup || app_.choosing || app_.leaving != Leaving::No ||
-        app_.asks_to_recover || !app_.asks_to_overwrite.empty() || app_.shows_keys)
+    if (dialog() != 0)
         return true;
-    if (is_pointer(event) || event.kind == InputEvent::Kind::Wheel)
-        return false; // told by the place
-    return ImGui::GetIO().WantTextInput;
+    if (event.kind == InputEvent::Kind::Wheel)
+    {
+        const ImVec2 at = ImGui::GetIO().MousePos;
+        return focus_.is_over({static_cast<double>(at.x), static_cast<double>(at.y)});
+    }
+    if (is_pointer(event))
+        return focus_.is_over(event.place);
+    return focus_.has_keys();
 }
 
 bool Editor::handle_shortcut(const InputEvent& event)
 {
-    if (event.kind != InputEvent::Kind::KeyDown || !event.modifiers.control)
+    if (event.kind != InputEvent::Kind::KeyDown)
         return false;
-    const bool has_document = app_.opened() != nullptr;
+    const OpenedDocument* const opened = app_.opened();
+    const bool has_document = opened != nullptr;
+    const bool is_in_hand =
+        has_document && opened->hand.is_busy() && !opened->editing.shows_film();
+    if (event.key.character == 'n' && event.modifiers == Modifiers() && has_document &&
+        !is_in_hand)
+    {
+        app_.panel.is_shown = !app_.panel.is_shown;
+        return true;
+    }
+    if (!event.modifiers.control)
+        return false;
     switch (event.key.character)
     {
     case 'o':
@@ -117,9 +137,11 @@ bool Editor::handle_shortcut(const InputEvent& event)
 
 void Editor::handle_pointer(const InputEvent& event, Interaction& hand)
 {
+    const ViewRect& view = layout_.view;
     const Eigen::Vector2d pixel =
-        (event.place - Eigen::Vector2d(view_.x, view_.y)) / window_.scale();
-    const bool is_over = view_.holds(event.place.x(), event.place.y());
+        (event.place - Eigen::Vector2d(view.x, view.y)) / window_.scale();
+    const bool is_over =
+        view.holds(event.place.x(), event.place.y()) && !panels_have(event);
     if (event.kind == InputEvent::Kind::Move)
     {
         if (is_over || held_in_view_ != 0 || hand.is_busy())
@@ -137,7 +159,18 @@ void Editor::handle_pointer(const InputEvent& event, Interaction& hand)
 
 void Editor::handle(const InputEvent& event)
 {
-    window_.tell_panels(event);
+    if (dialog() == 0)
+    {
+        if (event.kind == InputEvent::Kind::Press)
+            focus_.pressed(event.place);
+        else if (focus_.take_key(event, app_.opened() != nullptr))
+            return;
+    }
+    // ImGui would go to a control of its own by a Tab that is meant for the view.
+    const bool is_for_view =
+        event.kind == InputEvent::Kind::KeyDown && dialog() == 0 && !focus_.has_keys();
+    if (!is_for_view)
+        window_.tell_panels(event);
     if (event.kind == InputEvent::Kind::Drop)
     {
         if (!event.paths.empty())
@@ -152,10 +185,21 @@ void Editor::handle(const InputEvent& event)
             opened->hand.focus_lost();
         return;
     }
-    // A press that began in the view ends there, whatever has opened meanwhile.
-    const bool is_held = event.kind == InputEvent::Kind::Release && held_in_view_ != 0;
+    // A gesture that began in the view goes on there, whatever lies over it meanwhile; it
+    // ends even if a dialog has opened.
+    const bool is_busy =
+        held_in_view_ != 0 || (opened != nullptr && opened->hand.is_busy());
+    const bool is_held =
+        event.kind == InputEvent::Kind::Release
+            ? held_in_view_ != 0
+            : event.kind == InputEvent::Kind::Move && is_busy && dialog() == 0;
     if (panels_have(event) && !is_held)
+    {
+        if (dialog() == 0 && !focus_.is_typing() && !focus_.has_menu() &&
+            event.modifiers.control)
+            handle_shortcut(event);
         return;
+    }
     // A key that is held down looks around or steps, but commands nothing anew.
     if (event.is_repeated && event.key.key == Key::Character &&
         std::isalpha(static_cast<unsigned char>(event.key.character)) != 0 &&
@@ -183,17 +227,17 @@ void Editor::handle(const InputEvent& event)
     else if (event.kind == InputEvent::Kind::Wheel)
     {
         const ImVec2 at = ImGui::GetIO().MousePos;
-        if (view_.holds(static_cast<double>(at.x), static_cast<double>(at.y)))
+        if (layout_.view.holds(static_cast<double>(at.x), static_cast<double>(at.y)))
             opened->hand.wheel(event.place, event.modifiers);
     }
     else if (event.kind == InputEvent::Kind::KeyDown &&
              (event.key.key != Key::Character || event.key.character != 0))
         opened->hand.key(event.key);
-    else if (event.kind == InputEvent::Kind::Text && event.modifiers.shift &&
-             event.character < 128 &&
+    else if (event.kind == InputEvent::Kind::Text &&
+             (event.modifiers.shift || event.modifiers.alt) && event.character < 128 &&
              std::isalpha(static_cast<int>(event.character)) == 0 && event.character > 32)
     {
-        // What Shift makes of a key: told by its text, see window.cpp.
+        // The character of a key with Shift or AltGr: see window.cpp.
         KeyEvent key;
         key.character = static_cast<char>(event.character);
         opened->hand.key(key);
@@ -202,35 +246,79 @@ void Editor::handle(const InputEvent& event)
 
 void Editor::handle_events()
 {
+    // What follows the opening of a dialog is meant for it, and waits until it is there.
+    const int before = dialog();
     InputEvent event;
-    while (window_.take(event))
+    while (!focus_.is_settling() && (dialog() == before || dialog() == 0) &&
+           window_.take(event))
         app_.guard([&] { handle(event); });
+}
+
+/// Between the view and the panel: a drag makes the panel wider, narrower or hidden.
+void Editor::show_splitter()
+{
+    const ViewRect& strip = layout_.splitter;
+    const ImVec2 low(static_cast<float>(strip.x), static_cast<float>(strip.y));
+    const ImVec2 size(static_cast<float>(strip.width), static_cast<float>(strip.height));
+    ImGui::SetNextWindowPos(low);
+    ImGui::SetNextWindowSize(size);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0, 0});
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowMinSize, {1, 1});
+    ImGui::PushStyleColor(ImGuiCol_WindowBg, palette().bar);
+    ImGui::Begin("splitter", nullptr, kBarFlags | ImGuiWindowFlags_NoNavInputs);
+    ImGui::InvisibleButton("##splitter",
+                           {std::max(1.0f, size.x), std::max(1.0f, size.y)});
+    const bool is_held = ImGui::IsItemActive();
+    if (is_held && ImGui::IsMouseDragging(ImGuiMouseButton_Left, 2.0f))
+        app_.panel = wish_at(static_cast<double>(ImGui::GetIO().MousePos.x), sizes());
+    if (ImGui::IsItemHovered() && ImGui::IsMouseDoubleClicked(ImGuiMouseButton_Left))
+        app_.panel = {!app_.panel.is_shown, 0.0};
+    const float middle = low.y + size.y / 2, x = low.x + size.x / 2;
+    const ImU32 ink =
+        packed(is_held || ImGui::IsItemHovered() ? palette().accent : palette().faint);
+    for (const float dy : {-0.8f, 0.0f, 0.8f})
+        ImGui::GetWindowDrawList()->AddCircleFilled({x, middle + letters(dy)},
+                                                    0.22f * size.x, ink, 8);
+    if (!is_held)
+        tip("Drag: the panel's width; N: show or hide it");
+    ImGui::End();
+    ImGui::PopStyleColor();
+    ImGui::PopStyleVar(2);
 }
 
 void Editor::show_panels()
 {
-    const ImGuiWindowFlags flags =
-        ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
-        ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
-        ImGuiWindowFlags_NoNavInputs | ImGuiWindowFlags_NoNavFocus;
-    menu_height_ = show_menu_bar(app_);
-    lay_out();
-    const auto below = static_cast<float>(view_.y + view_.height);
+    const auto place = [](const ViewRect& rect)
+    {
+        ImGui::SetNextWindowPos({static_cast<float>(rect.x), static_cast<float>(rect.y)});
+        ImGui::SetNextWindowSize(
+            {static_cast<float>(rect.width), static_cast<float>(rect.height)});
+    };
+    focus_.enter_wanted();
+    // Tab goes to every control, not to text fields alone.
+    ImGui::PushItemFlag(ImGuiItemFlags_Inputable, true);
+    menu_height_ = show_menu_bar(app_, focus_);
+    layout_ = lay_out(sizes(), app_.panel);
     ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, 0.0f);
     ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
-    const ImVec2 size = ImGui::GetIO().DisplaySize;
     if (app_.opened() != nullptr)
     {
-        ImGui::SetNextWindowPos({0, menu_height_});
-        ImGui::SetNextWindowSize({static_cast<float>(view_.width),
-                                  static_cast<float>(view_.y) - menu_height_});
-        ImGui::Begin("tools", nullptr, flags | ImGuiWindowFlags_NoScrollWithMouse);
-        show_tool_bar(app_);
+        place(layout_.tools);
+        ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0, 0});
+        ImGui::Begin("tools", nullptr, kBarFlags | ImGuiWindowFlags_NoScrollWithMouse);
+        show_tool_column(app_, layout_);
         ImGui::End();
-        ImGui::SetNextWindowPos({static_cast<float>(view_.width), menu_height_});
-        ImGui::SetNextWindowSize(
-            {size.x - static_cast<float>(view_.width), below - menu_height_});
-        ImGui::Begin("panels", nullptr, flags & ~ImGuiWindowFlags_NoScrollbar);
+        ImGui::PopStyleVar();
+        place(layout_.options);
+        ImGui::Begin("options", nullptr, kBarFlags | ImGuiWindowFlags_NoScrollWithMouse);
+        show_tool_options(app_);
+        ImGui::End();
+        show_splitter();
+    }
+    if (app_.opened() != nullptr && layout_.panel.width > 0)
+    {
+        place(layout_.panel);
+        ImGui::Begin("panels", nullptr, kBarFlags & ~ImGuiWindowFlags_NoScrollbar);
         ImGui::BeginDisabled(app_.is_opening());
         show_document_panel(app_);
         show_regions_panel(app_, panels_);
@@ -244,18 +332,21 @@ void Editor::show_panels()
     }
     ImGui::PushStyleColor(ImGuiCol_WindowBg, palette().bar);
     ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0, letters(0.3f)});
-    ImGui::SetNextWindowPos({0, below});
-    ImGui::SetNextWindowSize({size.x, size.y - below});
-    ImGui::Begin("status", nullptr, flags | ImGuiWindowFlags_NoScrollWithMouse);
+    place(layout_.status);
+    ImGui::Begin("status", nullptr,
+                 kBarFlags | ImGuiWindowFlags_NoScrollWithMouse |
+                     ImGuiWindowFlags_NoNavInputs);
     show_status_bar(app_);
     ImGui::End();
     ImGui::PopStyleVar(3);
     ImGui::PopStyleColor();
-    show_film_bar(app_, view_);
-    show_welcome_page(app_, view_);
+    show_film_bar(app_, layout_.view);
+    show_welcome_page(app_, layout_.view);
     file_dialog_.show(app_);
     show_questions(app_);
     show_keys_page(app_);
+    ImGui::PopItemFlag();
+    focus_.panels_shown();
 }
 
 /// \return what copying to the graphics card took [ms]
@@ -271,7 +362,7 @@ double Editor::draw_canvas()
     is_drawn_ = draws_all_ = draws_less_ = false;
     if (opened == nullptr)
     {
-        canvas_.draw_empty(app_.view, view_, window_.height());
+        canvas_.draw_empty(app_.view, layout_.view, window_.height());
         return 0.0;
     }
     Editing& editing = opened->editing;
@@ -287,7 +378,7 @@ double Editor::draw_canvas()
                             frame.to_work(editing.document().box().high)};
     const double upload_ms = canvas_.upload(scene, app_.view);
     ViewOptions options = app_.view;
-    if (canvas_.show_again(scene, options, view_, window_.height()))
+    if (canvas_.show_again(scene, options, layout_.view, window_.height()))
         return upload_ms;
     // Where drawing is slow, all triangles and smooth edges wait until the hand rests and
     // the solver, whose cores the drawing takes, has done its work. Another shape or
@@ -300,9 +391,9 @@ double Editor::draw_canvas()
         options.detail = Detail::Coarse;
         options.is_smooth = false;
     }
-    is_drawn_ = !canvas_.show_again(scene, options, view_, window_.height());
+    is_drawn_ = !canvas_.show_again(scene, options, layout_.view, window_.height());
     if (is_drawn_)
-        canvas_.draw(scene, options, view_, window_.height());
+        canvas_.draw(scene, options, layout_.view, window_.height());
     draws_all_ = is_drawn_ && !draws_less_ && canvas_.is_whole();
     return upload_ms;
 }
@@ -317,6 +408,7 @@ FrameParts Editor::frame()
     if (is_dark_ != app_.view.is_dark)
         window_.set_dark(is_dark_ = app_.view.is_dark);
     const Clock::time_point draw_start = Clock::now();
+    focus_.prepare_frame(dialog());
     window_.begin_frame();
     if (!app_.guard([&] { show_panels(); }))
         ImGui::ErrorCheckEndFrameRecover(nullptr); // ends what panels have begun
@@ -324,10 +416,10 @@ FrameParts Editor::frame()
         [&]
         {
             if (OpenedDocument* opened = app_.opened())
-                opened->hand.resize(view_.width / window_.scale(),
-                                    view_.height / window_.scale());
+                opened->hand.resize(layout_.view.width / window_.scale(),
+                                    layout_.view.height / window_.scale());
             parts.upload = draw_canvas();
-            draw_overlay(app_, view_, window_.scale(), canvas_.scale_of_cells());
+            draw_overlay(app_, layout_.view, window_.scale(), canvas_.scale_of_cells());
         });
     window_.draw_panels();
     parts.draw = ms_since(draw_start) - parts.upload;
@@ -388,7 +480,7 @@ void Editor::run(const std::atomic<int>& signal)
         if (frames_to_draw == 0)
         {
             const bool is_new = app_.update();
-            const bool is_typing = ImGui::GetIO().WantTextInput; // a cursor blinks
+            const bool is_typing = focus_.is_typing(); // a cursor blinks
             const bool is_late = !is_idle && seconds_now() - last_frame > kProgressStep;
             if (!is_new && !is_typing && !is_late && !is_behind && words() == words_)
                 continue;

@@ -11,6 +11,8 @@
 #include "editor/window/dialogs.h"
 #include "editor/window/editor_app.h"
 #include "editor/window/frame_times.h"
+#include "editor/window/layout.h"
+#include "editor/window/panel_focus.h"
 #include "editor/window/panels.h"
 #include "editor/window/window.h"
 
@@ -44,7 +46,7 @@ public:
     Window& window() { return window_; }
     EditorApp& app() { return app_; }
     /// Of the last frame.
-    const ViewRect& view() const { return view_; }
+    const ViewRect& view() const { return layout_.view; }
     Image image() const { return window_.image(); }
 
 private:
@@ -52,10 +54,12 @@ private:
     void handle(const InputEvent& event);
     void handle_pointer(const InputEvent& event, Interaction& hand);
     bool handle_shortcut(const InputEvent& event);
+    int dialog() const;
     bool panels_have(const InputEvent& event) const;
     std::string words() const;
-    void lay_out();
+    LayoutSizes sizes() const;
     void show_panels();
+    void show_splitter();
     bool is_at_work();
     double draw_canvas();
 
@@ -64,7 +68,8 @@ private:
     Canvas canvas_;
     PanelState panels_;
     FileDialog file_dialog_;
-    ViewRect view_;
+    PanelFocus focus_;
+    Layout layout_;
     float menu_height_ = 0.0f;
     std::uint32_t held_in_view_ =
         0;                ///< buttons that were pressed in the view, a bit each

@@ -16,6 +16,7 @@
 #include "editor/window/canvas.h"
 #include "editor/window/film.h"
 #include "editor/window/frame_times.h"
+#include "editor/window/layout.h"
 #include "editor/window/live_flesh.h"
 #include "editor/window/places.h"
 
@@ -152,6 +153,7 @@ public:
     std::string title() const;
 
     ViewOptions view;
+    PanelWish panel;
     FrameTimes frame_times;
     RecentFiles recent;
     std::optional<Choosing> choosing; ///< a file is asked for

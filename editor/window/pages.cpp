@@ -74,11 +74,21 @@ void show_keys(const std::vector<KeyHelp>& lines)
         {"Ctrl+O", "open"},
         {"Ctrl+S", "save; with Shift: as"},
         {"Ctrl+E", "export the bent model"},
-        {"Ctrl+W, Ctrl+Q", "close, quit"},
+        {"Ctrl+W, Ctrl+Q", "close, quit"}};
+    const std::vector<std::pair<const char*, const char*>> of_panels = {
+        {"N", "show or hide the panel; drag its edge: its width"},
+        {"F6, Shift+F6",
+         "the keyboard goes to the tools, the options, the panel, and back"},
+        {"F10", "menus"},
+        {"Tab, arrows", "the next control"},
+        {"Enter or Space", "press it, or type its number"},
+        {"Esc", "close a menu or dialog; back to the view"},
         {"?", "this page"}};
     std::vector<KeyHelp> all = lines;
     for (const auto& [keys, does] : of_window)
         all.push_back({"Files", keys, does});
+    for (const auto& [keys, does] : of_panels)
+        all.push_back({"Panels, menus, dialogs", keys, does});
     const std::size_t half = (all.size() + 1) / 2;
     if (!ImGui::BeginTable("columns", 2, ImGuiTableFlags_SizingStretchSame))
         return;
@@ -101,10 +111,13 @@ void show_keys(const std::vector<KeyHelp>& lines)
         const float left = ImGui::GetCursorPosX();
         ImGui::TextUnformatted(all[k].keys.c_str());
         // Where the keys need more room, what they do goes below them.
-        const bool fits = ImGui::CalcTextSize(all[k].keys.c_str()).x < letters(25);
+        const float column =
+            std::min(letters(25.5f), 0.45f * ImGui::GetContentRegionAvail().x);
+        const bool fits =
+            ImGui::CalcTextSize(all[k].keys.c_str()).x < column - letters(0.5f);
         if (fits)
             ImGui::SameLine();
-        ImGui::SetCursorPosX(left + letters(25.5f));
+        ImGui::SetCursorPosX(left + column);
         ImGui::PushStyleColor(ImGuiCol_Text, palette().faint);
         ImGui::TextWrapped("%s", all[k].does.c_str());
         ImGui::PopStyleColor();
@@ -181,14 +194,26 @@ void show_keys_page(EditorApp& app)
         ImGui::OpenPopup(kTitle);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
     ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
-    ImGui::SetNextWindowSize({std::min(letters(134), size.x - letters(4)), 0});
+    const float width = std::min(letters(134), size.x - letters(4));
+    ImGui::SetNextWindowSize({width, 0});
+    ImGui::SetNextWindowSizeConstraints({width, 0}, {width, size.y - letters(2)});
     if (!ImGui::BeginPopupModal(kTitle, &app.shows_keys,
                                 ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove))
         return;
     const Navigation navigation =
         app.opened() != nullptr ? app.opened()->hand.navigation() : Navigation::Blender;
     show_keys(key_help(navigation));
-    if (ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
+    const auto is_pressed = [](ImGuiKey key)
+    { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key)); };
+    const float step = (is_pressed(ImGuiKey_DownArrow) ? 3.0f : 0.0f) -
+                       (is_pressed(ImGuiKey_UpArrow) ? 3.0f : 0.0f) +
+                       (is_pressed(ImGuiKey_PageDown) ? 20.0f : 0.0f) -
+                       (is_pressed(ImGuiKey_PageUp) ? 20.0f : 0.0f);
+    if (step != 0.0f)
+        ImGui::SetScrollY(ImGui::GetScrollY() +
+                          step * ImGui::GetTextLineHeightWithSpacing());
+    if (is_pressed(ImGuiKey_Escape) || is_pressed(ImGuiKey_Enter) ||
+        is_pressed(ImGuiKey_KeyPadEnter))
         app.shows_keys = false;
     if (!app.shows_keys)
         ImGui::CloseCurrentPopup();

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "editor/window/editor_app.h"
+#include "editor/window/panel_focus.h"
 
 namespace cellwarp
 {
@@ -42,9 +43,13 @@ void show_solver_panel(EditorApp& app);
 void show_history_panel(EditorApp& app, PanelState& state);
 void show_view_panel(EditorApp& app);
 
+constexpr int kNumTools = 7;
+
 /// The bars around the view. The menu bar also gives its height [pixel].
-float show_menu_bar(EditorApp& app);
-void show_tool_bar(EditorApp& app);
+float show_menu_bar(EditorApp& app, PanelFocus& focus);
+void show_tool_column(EditorApp& app, const Layout& layout);
+/// What can be set about the active tool and the view, and what is played.
+void show_tool_options(EditorApp& app);
 void show_status_bar(EditorApp& app);
 /// Over the view's lower edge while a film is played: its frames.
 void show_film_bar(EditorApp& app, const ViewRect& view);

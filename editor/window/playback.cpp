@@ -97,7 +97,7 @@ constexpr std::array<Known, 26> kKnown = {{
      "drag X0 Y0 X1 Y1 N [BUTTON]   press, N moves, release; each move is timed"},
     {"wheel", 2, 2, &Player::wheel, "wheel DX DY"},
     {"key", 1, 4, &Player::key,
-     "key NAME [ctrl] [shift] [alt]   g, 7, ?, enter, kp1, ..."},
+     "key NAME [ctrl] [shift] [alt]   g, 7, ?, enter, kp1, f6, ..."},
     {"text", 1, 100, &Player::text, "text WORDS               as typed"},
     {"wait", 0, 0, &Player::wait,
      "wait                     until what is asked for is there"},
@@ -112,7 +112,7 @@ constexpr std::array<Known, 26> kKnown = {{
     {"point", 5, 6, &Player::point,
      "point REGION NUMBER X Y Z [DEGREES]   of a rod or curve, in rest coordinates"},
     {"show", 2, 2, &Player::show,
-     "show edges|faces|colours|ghost|floor|cells|wire|dark|keys on|off"},
+     "show edges|faces|colours|ghost|floor|cells|wire|dark|keys|panel on|off"},
     {"open", 1, 1, &Player::open, "open FILE"},
     {"film", 1, 1, &Player::film,
      "film FRAME|off           of the scene in time, when it is made"},
@@ -248,7 +248,11 @@ FrameParts Player::post(InputEvent event)
 {
     editor_.window().post(std::move(event));
     begun_ = Clock::now();
-    return editor_.frame();
+    FrameParts parts;
+    do
+        parts = editor_.frame();
+    while (editor_.window().has_events());
+    return parts;
 }
 
 void Player::move_to(const Eigen::Vector2d& place)
@@ -540,14 +544,15 @@ void Player::show()
         fail("on or off is needed (got " + in_quotes(word(2)) + ")");
     const bool is_on = word(2) == "on";
     ViewOptions& view = editor_.app().view;
-    const std::array<std::pair<const char*, bool*>, 7> switches = {
+    const std::array<std::pair<const char*, bool*>, 8> switches = {
         {{"edges", &view.shows_edges},
          {"faces", &view.shows_faces},
          {"colours", &view.shows_regions},
          {"ghost", &view.shows_ghost},
          {"floor", &view.shows_floor},
          {"dark", &view.is_dark},
-         {"keys", &editor_.app().shows_keys}}};
+         {"keys", &editor_.app().shows_keys},
+         {"panel", &editor_.app().panel.is_shown}}};
     const auto* found =
         std::find_if(switches.begin(), switches.end(),
                      [&](const auto& known) { return word(1) == known.first; });
@@ -559,7 +564,7 @@ void Player::show()
                                           : CellsShown::Wire;
     else
         fail("nothing is called " + in_quotes(word(1)) +
-             " (edges, faces, colours, ghost, floor, cells, wire, dark, keys)");
+             " (edges, faces, colours, ghost, floor, cells, wire, dark, keys, panel)");
     editor_.frame();
 }
 

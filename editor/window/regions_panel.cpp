@@ -65,10 +65,14 @@ void show_makers(EditorApp& app)
         faint_text("Make the " + counted(static_cast<std::int64_t>(count),
                                          "selected sample:", "selected samples:"));
     ImGui::BeginDisabled(count == 0);
-    const float width =
-        (ImGui::GetContentRegionAvail().x - 3 * ImGui::GetStyle().ItemSpacing.x) / 4;
-    for (const RoleName& known : kRoles)
+    // Four in a row; in a narrow panel two.
+    const float gap = ImGui::GetStyle().ItemSpacing.x;
+    const float room = ImGui::GetContentRegionAvail().x;
+    const std::size_t columns = room < letters(30) ? 2 : kRoles.size();
+    const float width = (room + gap) / static_cast<float>(columns) - gap;
+    for (std::size_t k = 0; k < kRoles.size(); ++k)
     {
+        const RoleName& known = kRoles[k];
         ImVec4 colour = shown(colour_of(known.role));
         colour.w = 0.30f;
         ImGui::PushStyleColor(ImGuiCol_Button, colour);
@@ -86,7 +90,7 @@ void show_makers(EditorApp& app)
                         });
         ImGui::PopStyleColor(3);
         tip(known.tip);
-        if (known.role != Role::Stiff)
+        if ((k + 1) % columns != 0)
             ImGui::SameLine();
     }
     ImGui::EndDisabled();
@@ -111,8 +115,8 @@ void show_row(EditorApp& app, const EditedRegion& region, const std::string& fai
         ImGui::TextColored(palette().error, "%s  !", region.name.c_str());
     else
         ImGui::TextUnformatted(region.name.c_str());
-    ImGui::TableNextColumn();
-    ImGui::TextColored(palette().faint, "%s", name_of(region.role));
+    if (ImGui::TableNextColumn())
+        ImGui::TextColored(palette().faint, "%s", name_of(region.role));
     ImGui::TableNextColumn();
     const std::string count = counted(static_cast<std::int64_t>(region.samples.size()));
     const float room = ImGui::GetContentRegionAvail().x;
@@ -130,11 +134,16 @@ void show_list(EditorApp& app)
     const SolveStatus status = app.opened()->editing.status();
     const std::string failed =
         status.state == SolveStatus::State::Failed ? status.error_region : "";
+    // In a narrow panel the colour alone shows the role.
+    const bool is_narrow = ImGui::GetContentRegionAvail().x < letters(30);
     if (ImGui::BeginTable("regions", 4, ImGuiTableFlags_NoPadOuterX))
     {
         ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(1.9f));
         ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthStretch);
-        ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(5.5f));
+        ImGui::TableSetupColumn("",
+                                ImGuiTableColumnFlags_WidthFixed |
+                                    (is_narrow ? ImGuiTableColumnFlags_Disabled : 0),
+                                letters(5.5f));
         ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(7.5f));
         for (const EditedRegion& region : regions)
             show_row(app, region, failed);
@@ -286,7 +295,7 @@ void show_points(EditorApp& app, PanelState& state, const EditedRegion& region)
     show_holds(app, region, *active);
     if (ImGui::Button("Insert"))
         hand.run(Command::InsertPoint);
-    tip("A point behind it (N)");
+    tip("A point behind it (Shift+N)");
     ImGui::SameLine();
     if (ImGui::Button("Remove point"))
         hand.run(Command::RemoveRegion);

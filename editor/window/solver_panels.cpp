@@ -49,13 +49,18 @@ bool show_choice(const char* name, std::optional<Value>& value,
     if (ImGui::BeginCombo("##choice", now))
     {
         for (const Choice<Given>& choice : choices)
-            if (ImGui::Selectable(choice.name, is_chosen(choice)) && !is_chosen(choice))
+        {
+            const bool was_chosen = is_chosen(choice);
+            if (ImGui::Selectable(choice.name, was_chosen) && !was_chosen)
             {
                 value.reset();
                 if (choice.value)
                     value.emplace(*choice.value);
                 changed = true;
             }
+            if (was_chosen && ImGui::IsWindowAppearing())
+                ImGui::SetItemDefaultFocus();
+        }
         ImGui::EndCombo();
     }
     ImGui::PopID();

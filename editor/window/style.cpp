@@ -81,7 +81,7 @@ void set_colours(bool is_dark)
     c[ImGuiCol_TitleBgActive] = bar;
     c[ImGuiCol_TitleBg] = bar;
     c[ImGuiCol_TextSelectedBg] = with(accent, 0.35f);
-    c[ImGuiCol_NavHighlight] = with(accent, 0.0f);
+    c[ImGuiCol_NavHighlight] = accent;
     c[ImGuiCol_ModalWindowDimBg] = rgb(0x0c0e12, is_dark ? 0.55f : 0.30f);
     c[ImGuiCol_TableRowBgAlt] = with(ink, 0.03f);
 }

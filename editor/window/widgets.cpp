@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/window/widgets.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -78,7 +79,8 @@ bool section(const char* name, bool is_open_at_first, const std::string& summary
 
 float second_column()
 {
-    return ImGui::GetStyle().WindowPadding.x + letters(18.0f);
+    return ImGui::GetStyle().WindowPadding.x +
+           std::min(letters(18.0f), 0.53f * ImGui::GetContentRegionAvail().x);
 }
 
 void value_pair(const char* left, const std::string& left_value, const char* right,
@@ -90,8 +92,17 @@ void value_pair(const char* left, const std::string& left_value, const char* rig
         ImGui::SameLine(0, letters(0.9f));
         ImGui::TextUnformatted(value.c_str());
     };
+    const float column = second_column();
+    const float end = ImGui::GetContentRegionMax().x;
     show(left, left_value);
-    ImGui::SameLine(second_column());
+    const float width = ImGui::CalcTextSize(right).x + letters(0.9f) +
+                        ImGui::CalcTextSize(right_value.c_str()).x;
+    // In a narrow panel it stands in a row of its own.
+    const float free = ImGui::GetItemRectMax().x - ImGui::GetWindowPos().x + letters(1);
+    if (free <= column + letters(1) && column + width <= end)
+        ImGui::SameLine(column);
+    else if (free + width <= end)
+        ImGui::SameLine(free);
     show(right, right_value);
 }
 
@@ -135,6 +146,11 @@ void tip(const char* text)
         ImGui::PopTextWrapPos();
         ImGui::EndTooltip();
     }
+}
+
+bool has_keyboard()
+{
+    return ImGui::GetIO().NavVisible && ImGui::IsItemFocused();
 }
 
 bool toggle(const char* name, bool is_on)

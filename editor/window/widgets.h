@@ -40,6 +40,9 @@ void error_text(const std::string& text);
 void warning_text(const std::string& text);
 void tip(const char* text); ///< of the last item, where the pointer rests on it
 
+/// Whether keys act on the last item, which is then to be marked.
+bool has_keyboard();
+
 /// A button that stays down; true if it was pressed.
 bool toggle(const char* name, bool is_on);
 

@@ -37,7 +37,7 @@ Modifiers modifiers_of(int mods)
             (mods & GLFW_MOD_ALT) != 0};
 }
 
-/// Keys that are not known by what they write.
+/// Keys that are not known by their character.
 bool named_key(int code, KeyEvent& event)
 {
     switch (code)
@@ -78,13 +78,19 @@ bool named_key(int code, KeyEvent& event)
     case GLFW_KEY_DOWN:
         event.key = Key::Down;
         return true;
+    case GLFW_KEY_F6:
+        event.key = Key::F6;
+        return true;
+    case GLFW_KEY_F10:
+        event.key = Key::F10;
+        return true;
     default:
         return false;
     }
 }
 
-/// What stands on the key, in lower case; 0: nothing that tools know.
-char letter_of(int code, int scancode, bool& is_keypad)
+/// The character of a key, in lower case; 0: the key has none that tools know.
+char character_of(int code, int scancode, bool& is_keypad)
 {
     constexpr std::string_view kKeypad = "0123456789./*-+";
     if (code >= GLFW_KEY_KP_0 && code <= GLFW_KEY_KP_ADD)
@@ -92,10 +98,18 @@ char letter_of(int code, int scancode, bool& is_keypad)
         is_keypad = true;
         return kKeypad[idx(code - GLFW_KEY_KP_0)];
     }
-    const char* name = glfwGetKeyName(code, scancode);
-    if (name == nullptr || name[0] == 0 || name[1] != 0)
-        return 0;
-    return static_cast<char>(std::tolower(static_cast<unsigned char>(name[0])));
+    const char* const name = glfwGetKeyName(code, scancode);
+    return key_character(code, name == nullptr ? "" : name);
+}
+
+/// ImGui's number of a key. A letter counts by its character: Ctrl+Z is undo in a text
+/// field on every layout.
+int panel_code(const InputEvent& event)
+{
+    const auto character = static_cast<unsigned char>(event.key.character);
+    return event.key.key == Key::Character && std::isalpha(character) != 0
+               ? std::toupper(character)
+               : event.code;
 }
 
 void prepare_panels()
@@ -201,9 +215,23 @@ struct Window::Callbacks
 
     static void moved(GLFWwindow* window, double x, double y)
     {
-        from_display(window, {.kind = InputEvent::Kind::Move,
-                              .place = to_pixels(window, x, y),
-                              .modifiers = held(window)});
+        const Eigen::Vector2d place = to_pixels(window, x, y);
+        self(window).pointer_ = place;
+        from_display(
+            window,
+            {.kind = InputEvent::Kind::Move, .place = place, .modifiers = held(window)});
+    }
+
+    /// Place of the pointer when the event happened: that of the last motion before it,
+    /// as events come in their order. glfwGetCursorPos asks the display where the pointer
+    /// is now, which is elsewhere if frames are slow.
+    static Eigen::Vector2d pointer(GLFWwindow* window)
+    {
+        if (const std::optional<Eigen::Vector2d>& known = self(window).pointer_)
+            return *known;
+        double x = 0.0, y = 0.0;
+        glfwGetCursorPos(window, &x, &y);
+        return to_pixels(window, x, y);
     }
 
     static void button(GLFWwindow* window, int button, int action, int mods)
@@ -213,9 +241,7 @@ struct Window::Callbacks
         InputEvent event;
         event.kind =
             action == GLFW_PRESS ? InputEvent::Kind::Press : InputEvent::Kind::Release;
-        double x = 0.0, y = 0.0;
-        glfwGetCursorPos(window, &x, &y);
-        event.place = to_pixels(window, x, y);
+        event.place = pointer(window);
         event.button = button == GLFW_MOUSE_BUTTON_LEFT    ? Button::Left
                        : button == GLFW_MOUSE_BUTTON_RIGHT ? Button::Right
                                                            : Button::Middle;
@@ -240,11 +266,15 @@ struct Window::Callbacks
         event.modifiers = event.key.modifiers = modifiers_of(mods);
         if (!named_key(code, event.key))
         {
-            const char letter = letter_of(code, scancode, event.key.is_keypad);
-            // What Shift makes of other keys is told by the text that follows.
-            const bool is_text = event.modifiers.shift && !event.modifiers.control &&
-                                 std::isalpha(static_cast<unsigned char>(letter)) == 0;
-            event.key.character = is_text ? char(0) : letter;
+            const char character = character_of(code, scancode, event.key.is_keypad);
+            // The text event that follows has the character that Shift makes of a key
+            // without a letter, and AltGr of any key.
+            const bool is_altgr = glfwGetKey(window, GLFW_KEY_RIGHT_ALT) == GLFW_PRESS &&
+                                  !event.modifiers.alt;
+            const bool is_text =
+                is_altgr || (event.modifiers.shift && !event.modifiers.control &&
+                             std::isalpha(static_cast<unsigned char>(character)) == 0);
+            event.key.character = is_text ? char(0) : character;
         }
         from_display(window, event);
     }
@@ -264,6 +294,9 @@ struct Window::Callbacks
             from_display(window, {.kind = InputEvent::Kind::FocusLost});
     }
 
+    /// The window goes from under the pointer, which tells of no motion.
+    static void shifted(GLFWwindow* window, int, int) { self(window).pointer_.reset(); }
+
     static void damaged(GLFWwindow* window) { self(window).is_damaged_ = true; }
 
     static void drop(GLFWwindow* window, int count, const char** paths)
@@ -275,9 +308,21 @@ struct Window::Callbacks
     }
 };
 
+char key_character(int code, std::string_view on_layout)
+{
+    if (code >= GLFW_KEY_0 && code <= GLFW_KEY_9)
+        return static_cast<char>(code);
+    const bool is_ascii =
+        on_layout.size() == 1 && on_layout[0] > ' ' && on_layout[0] < 127;
+    const int character = is_ascii                                      ? on_layout[0]
+                          : code > ' ' && code <= GLFW_KEY_GRAVE_ACCENT ? code
+                                                                        : 0;
+    return static_cast<char>(std::tolower(character));
+}
+
 std::optional<InputEvent> key_press(const std::string& name, const Modifiers& modifiers)
 {
-    constexpr std::array<std::pair<std::string_view, int>, 14> kNames = {
+    constexpr std::array<std::pair<std::string_view, int>, 16> kNames = {
         {{"enter", GLFW_KEY_ENTER},
          {"escape", GLFW_KEY_ESCAPE},
          {"tab", GLFW_KEY_TAB},
@@ -291,7 +336,9 @@ std::optional<InputEvent> key_press(const std::string& name, const Modifiers& mo
          {"up", GLFW_KEY_UP},
          {"down", GLFW_KEY_DOWN},
          {"pageup", GLFW_KEY_PAGE_UP},
-         {"pagedown", GLFW_KEY_PAGE_DOWN}}};
+         {"pagedown", GLFW_KEY_PAGE_DOWN},
+         {"f6", GLFW_KEY_F6},
+         {"f10", GLFW_KEY_F10}}};
     InputEvent event;
     event.kind = InputEvent::Kind::KeyDown;
     event.modifiers = event.key.modifiers = modifiers;
@@ -357,6 +404,7 @@ Window::Window(const WindowOptions& options) : is_played_(options.is_played)
     glfwSetWindowFocusCallback(window_, Callbacks::focus);
     glfwSetDropCallback(window_, Callbacks::drop);
     glfwSetWindowRefreshCallback(window_, Callbacks::damaged);
+    glfwSetWindowPosCallback(window_, Callbacks::shifted);
     glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* window, int, int)
                                    { Callbacks::damaged(window); });
     prepare_panels();
@@ -385,7 +433,7 @@ void Window::wait(double seconds)
 
 bool Window::take(InputEvent& event)
 {
-    if (events_.empty())
+    if (events_.empty() || !fits_frame(events_.front()))
         return false;
     event = std::move(events_.front());
     events_.pop_front();
@@ -438,6 +486,34 @@ void Window::set_dark(bool is_dark)
     apply_style(is_dark, static_cast<float>(scale_));
 }
 
+/// ImGui sees a state once a frame, not events: a press would be where the pointer went
+/// to afterwards, two presses would be one, a shortcut would be without its Ctrl, and
+/// text would not be in the field that was clicked. The view takes events as they come,
+/// so further keys wait only while panels have the keyboard: a key held down in the view
+/// leaves no queue behind.
+bool Window::fits_frame(const InputEvent& event) const
+{
+    const bool types = ImGui::GetIO().WantCaptureKeyboard;
+    switch (event.kind)
+    {
+    case InputEvent::Kind::Move:
+    case InputEvent::Kind::Press:
+    case InputEvent::Kind::Release:
+        return !told_.button && !told_.wheel;
+    case InputEvent::Kind::KeyDown:
+        return !told_.button && (!types || event.is_repeated || !told_.key);
+    case InputEvent::Kind::KeyUp:
+        return !types || !told_.key;
+    case InputEvent::Kind::Text:
+        return !told_.button && (!types || !told_.named_key);
+    case InputEvent::Kind::Wheel:
+    case InputEvent::Kind::FocusLost:
+    case InputEvent::Kind::Drop:
+        return true;
+    }
+    return true;
+}
+
 void Window::tell_panels(const InputEvent& event)
 {
     ImGuiIO& io = ImGui::GetIO();
@@ -450,6 +526,7 @@ void Window::tell_panels(const InputEvent& event)
     const std::uint32_t bit = event.button == Button::Left    ? 1u
                               : event.button == Button::Right ? 2u
                                                               : 4u;
+    const int code = panel_code(event);
     switch (event.kind)
     {
     case InputEvent::Kind::Move:
@@ -457,30 +534,31 @@ void Window::tell_panels(const InputEvent& event)
         break;
     case InputEvent::Kind::Press:
         io.MousePos = place;
-        pressed_ |= bit;
         down_ |= bit;
+        told_.button = true;
         break;
     case InputEvent::Kind::Release:
         io.MousePos = place;
         down_ &= ~bit;
+        told_.button = true;
         break;
     case InputEvent::Kind::Wheel:
         io.MouseWheelH += place.x;
         io.MouseWheel += place.y;
+        told_.wheel = io.WantCaptureMouse;
         break;
     case InputEvent::Kind::KeyDown:
-        if (event.code > 0 && event.code < 512)
+        if (code > 0 && code < 512)
+            io.KeysDown[code] = true;
+        if (code < GLFW_KEY_LEFT_SHIFT || code > GLFW_KEY_RIGHT_SUPER)
         {
-            io.KeysDown[event.code] = true;
-            keys_pressed_.push_back(event.code);
+            told_.key = true;
+            told_.named_key |= event.key.key != Key::Character;
         }
         break;
     case InputEvent::Kind::KeyUp:
-        if (std::find(keys_pressed_.begin(), keys_pressed_.end(), event.code) !=
-            keys_pressed_.end())
-            keys_released_.push_back(event.code); // after the frame that sees it
-        else if (event.code > 0 && event.code < 512)
-            io.KeysDown[event.code] = false;
+        if (code > 0 && code < 512)
+            io.KeysDown[code] = false;
         break;
     case InputEvent::Kind::Text:
         io.AddInputCharacter(event.character);
@@ -499,18 +577,14 @@ void Window::begin_frame()
     is_damaged_ = false;
     ImGuiIO& io = ImGui::GetIO();
     for (std::uint32_t k = 0; k < 3; ++k)
-        io.MouseDown[k] = (((pressed_ | down_) >> k) & 1u) != 0;
-    pressed_ = 0;
+        io.MouseDown[k] = ((down_ >> k) & 1u) != 0;
+    told_ = {};
     io.DisplaySize = {static_cast<float>(width()), static_cast<float>(height())};
     const double now = glfwGetTime();
     io.DeltaTime = static_cast<float>(std::clamp(now - last_time_, 1e-4, kLongestStep));
     last_time_ = now;
     ImGui_ImplOpenGL3_NewFrame();
     ImGui::NewFrame();
-    for (const int code : keys_released_)
-        io.KeysDown[code] = false;
-    keys_pressed_.clear();
-    keys_released_.clear();
 }
 
 void Window::draw_panels()

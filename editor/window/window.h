@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
+#include <string_view>
 
 #include <Eigen/Core>
 
@@ -32,7 +32,14 @@ struct WindowOptions
     bool is_played = false;
 };
 
-/// The event of a key by its name: "g", "?", "enter", "kp7"; none: there is no such key.
+/// The character of a key: a digit by the key's place, others as the keyboard's layout
+/// has it, and where the layout has no ASCII there (Cyrillic, Greek, a dead key) as the
+/// US layout has it; in lower case. \p code: GLFW's number of the key, its US character;
+/// \p on_layout: its name on the layout in UTF-8. 0: none.
+char key_character(int code, std::string_view on_layout);
+
+/// The event of a key by its name: "g", "?", "enter", "kp7", "f6"; none: there is no such
+/// key.
 std::optional<InputEvent> key_press(const std::string& name, const Modifiers& modifiers);
 
 /// A window's size, smaller where a screen has no room for it and its title; where its
@@ -52,12 +59,14 @@ public:
 
     /// Sleeps until something happens, at the most \p seconds; 0: does not sleep.
     void wait(double seconds);
-    /// The next one that has not been taken; false: none. Real and posted ones alike.
+    /// The next one that has not been taken, real or posted; false: there is none, or it
+    /// waits for a frame that lets ImGui see what it was told before.
     bool take(InputEvent& event);
     /// Adds one at the end, as if the user had done it.
     void post(InputEvent event);
     /// Something happened that has not been drawn.
-    bool has_news() const { return !events_.empty() || is_damaged_; }
+    bool has_news() const { return has_events() || is_damaged_; }
+    bool has_events() const { return !events_.empty(); }
 
     int width() const; ///< [pixel of the screen]
     int height() const;
@@ -68,8 +77,7 @@ public:
     void resize(int width, int height);
     void set_dark(bool is_dark);
 
-    /// Tells ImGui of an event. A press and a release between two
-    /// frames are both seen.
+    /// Tells ImGui of an event that was taken.
     void tell_panels(const InputEvent& event);
     void begin_frame();
     /// Draws ImGui's part over what is there; what is drawn is complete when it returns.
@@ -80,15 +88,26 @@ public:
 
 private:
     struct Callbacks;
+    /// Changes since the last frame that ImGui has been told of.
+    struct Told
+    {
+        bool button = false, wheel = false;
+        bool key = false;       ///< one went down, Shift and its like aside
+        bool named_key = false; ///< one without a character
+    };
+
+    bool fits_frame(const InputEvent& event) const;
 
     GLFWwindow* window_ = nullptr;
     double scale_ = 1.0;
     bool is_played_ = false;
     bool is_damaged_ = true; ///< its picture is gone, or has another size
     std::deque<InputEvent> events_;
-    std::uint32_t pressed_ = 0; ///< buttons since the last frame, a bit each
-    std::uint32_t down_ = 0;
-    std::vector<int> keys_pressed_, keys_released_; ///< since the last frame
+    /// Where the last motion left the pointer [pixel]; none: it has not moved yet, or the
+    /// window has been moved since.
+    std::optional<Eigen::Vector2d> pointer_;
+    std::uint32_t down_ = 0; ///< buttons, a bit each
+    Told told_;
     double last_time_ = 0.0;
 };
 

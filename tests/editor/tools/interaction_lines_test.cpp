@@ -124,7 +124,7 @@ TEST(InteractionLines, points_come_and_go_before_anything_has_moved)
     desk.click(desk.pixel(desk.place(1)));
     ASSERT_EQ(desk.hand.active_point(), 1u);
     EXPECT_EQ(desk.last_edit(), "Draw rod"); // a click moves nothing
-    desk.key('n');
+    desk.key('n', {.shift = true});
     ASSERT_EQ(desk.region("rod").points.size(), 4u);
     EXPECT_EQ(desk.hand.active_point(), 2u);
     EXPECT_NEAR(desk.region("rod").points[2].rest.x(), 2.0, 0.02);
@@ -175,7 +175,7 @@ TEST(InteractionLines, a_point_that_is_gone_or_is_a_control_point_is_told)
     other.settle();
     other.hand.set_active_region("r");
     other.hand.set_active_point(1);
-    other.key('n');
+    other.key('n', {.shift = true});
     EXPECT_TRUE(contains(other.hand.complaint(), "is told by control points"))
         << other.hand.complaint();
 }
@@ -196,7 +196,7 @@ TEST(InteractionLines, delete_never_takes_the_rod_for_a_point_that_undo_took)
     desk.click(desk.pixel(desk.place(1)));
     for (int k = 0; k < 3; ++k)
     {
-        desk.key('n');
+        desk.key('n', {.shift = true});
         desk.settle();
     }
     for (int k = 0; k < 3; ++k)

@@ -37,7 +37,7 @@ Display::Display()
         ::dup2(nowhere, 2);
         const std::string number = std::to_string(ends[1]);
         ::execl(server.c_str(), "Xvfb", "-displayfd", number.c_str(), "-screen", "0",
-                "1600x1200x24", "-nolisten", "tcp", nullptr);
+                "1600x1200x24", "-nolisten", "tcp", "-noreset", nullptr);
         ::_exit(99);
     }
     ::close(ends[1]);

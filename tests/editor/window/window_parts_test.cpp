@@ -37,6 +37,38 @@ TEST(Window, is_no_larger_than_a_screen_and_its_title_leave)
     EXPECT_EQ(size_within(wanted, 1.0, {0, 0}), wanted);
 }
 
+TEST(Window, knows_a_key_by_its_letter_or_else_by_its_place)
+{
+    struct OnLayout
+    {
+        char place; ///< its character on the US layout
+        const char* on_layout;
+        char character;
+    };
+    for (const auto& [place, on_layout, character] : {OnLayout{'Q', "q", 'q'},
+                                                      {'Q', "a", 'a'},
+                                                      {'W', "z", 'z'},
+                                                      {'Y', "z", 'z'}, // fr, de
+                                                      {'A', "ф", 'a'},
+                                                      {'[', "х", '['},
+                                                      {';', "m", 'm'}, // ru, fr
+                                                      {'M', ",", ','},
+                                                      {'[', "ü", '['},
+                                                      {']', "+", '+'},
+                                                      {'/', "-", '-'},
+                                                      {'1', "&", '1'},
+                                                      {'7', "è", '7'},
+                                                      {'2', "ě", '2'},
+                                                      {'0', "à", '0'},
+                                                      {'[', "", '['},
+                                                      {'G', "γ", 'g'},
+                                                      {'G', "G", 'g'}})
+        EXPECT_EQ(key_character(place, on_layout), character) << place << on_layout;
+    EXPECT_EQ(key_character(340, ""), 0);    // Shift
+    EXPECT_EQ(key_character(161, "<"), '<'); // beside it, where there is one more key
+    EXPECT_EQ(key_character(-1, ""), 0);
+}
+
 TEST(FrameTimes, of_the_last_whole_frames_last_until_there_are_others)
 {
     LastFrames frames;

@@ -1,24 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The editor as a user starts it: the real window, on a display of the test's own.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <sstream>
-#include <thread>
 
-#include <fcntl.h>
 #include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "editor/document/document.h"
 #include "octree/base/index.h"
-#include "tests/editor/window/display.h"
+#include "tests/editor/window/editor_window.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
@@ -27,8 +22,9 @@ namespace cellwarp
 
 using support::bytes_of;
 using support::contains;
-using support::Folder;
+using support::EditorWindow;
 using support::Result;
+using support::RunningEditor;
 
 namespace
 {
@@ -42,6 +38,7 @@ struct Spot
 
 struct Picture
 {
+    static constexpr int kTools = 70; ///< their column, and a margin [pixel]
     int width = 0, height = 0;
     std::string rgb;
 
@@ -63,8 +60,7 @@ struct Picture
     {
         std::string pixels;
         for (int y = height / 10; y < height * 8 / 10; ++y)
-            pixels +=
-                rgb.substr(3 * idx(y * width + width / 50), 3 * idx(width * 6 / 10));
+            pixels += rgb.substr(3 * idx(y * width + kTools), 3 * idx(width * 6 / 10));
         return pixels;
     }
 
@@ -77,7 +73,7 @@ struct Picture
     {
         Spot spot;
         for (int y = height / 10; y < height * 8 / 10; ++y)
-            for (int x = width / 50; x < width * 7 / 10; ++x)
+            for (int x = kTools; x < width * 7 / 10; ++x)
             {
                 const std::size_t at = 3 * idx(y * width + x);
                 const auto channel = [&](std::size_t c)
@@ -107,49 +103,6 @@ bool is_grey(int r, int g, int b)
     return r > 80 && r < 200 && std::abs(r - g) < 14 && std::abs(b - g) < 18;
 }
 
-/// A bar along x; its front view shows its length.
-std::string bar(const Folder& folder)
-{
-    return folder.write("bar.obj", support::obj_text(support::box_shape(
-                                       {-2, -0.4, -0.4}, {2, 0.4, 0.4}, 12)));
-}
-
-class EditorWindow : public testing::Test
-{
-protected:
-    void SetUp() override
-    {
-        if (display_.name().empty())
-            GTEST_SKIP() << "Xvfb is not installed";
-    }
-
-    support::InChild on_display() const
-    {
-        return [this]
-        {
-            ::setenv("DISPLAY", display_.name().c_str(), 1);
-            ::unsetenv("WAYLAND_DISPLAY");
-            ::setenv("XDG_STATE_HOME", folder_.path().c_str(), 1);
-            // The driver of the display leaks, and is unloaded before a sanitizer looks.
-            ::setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
-        };
-    }
-
-    Result play(const std::string& script,
-                const std::vector<std::string>& more = {}) const
-    {
-        const std::string path = folder_.write("script", script);
-        std::vector<std::string> arguments = {"--play", path};
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        return support::run_program(CELLWARP_EDITOR_BINARY, arguments, on_display());
-    }
-
-    std::string file(const std::string& name) const { return folder_ / name; }
-
-    support::Display display_;
-    Folder folder_;
-};
-
 /// Both ends of the bar become regions, and the right one is dragged up.
 std::string bending(const std::string& folder)
 {
@@ -169,15 +122,6 @@ std::string bending(const std::string& folder)
            "drag 0.905vw 0.58vh 0.8vw 0.28vh 12\nwait\n"
            "shot " +
            folder + "/bent.ppm\n";
-}
-
-/// A child that has ended and was not waited for yet.
-bool has_ended(pid_t child)
-{
-    siginfo_t info = {};
-    return ::waitid(P_PID, static_cast<id_t>(child), &info,
-                    WEXITED | WNOHANG | WNOWAIT) == 0 &&
-           info.si_pid == child;
 }
 
 } // namespace
@@ -212,7 +156,7 @@ TEST(EditorProgram, tells_its_usage_and_version_without_a_display)
 
 TEST_F(EditorWindow, bends_a_bar_and_what_it_saves_replays_to_the_same_bytes)
 {
-    const std::string model = bar(folder_);
+    const std::string model = bar();
     const Result result =
         play(bending(folder_.path().string()) + "undo\nwait\nshot " + file("undone.ppm") +
                  "\nredo\nwait\nshot " + file("again.ppm") + "\nshot " +
@@ -262,7 +206,7 @@ TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
     const Result place = play("move 0.5q 3\n");
     EXPECT_EQ(place.code, 3);
     EXPECT_TRUE(contains(place.err, "script:1: move: ")) << place.err;
-    const std::string model = bar(folder_);
+    const std::string model = bar();
     for (const auto& [script, what] :
          {std::pair<std::string, std::string>{"point rod -1 0 0 0\n",
                                               "points count from 0"},
@@ -314,7 +258,7 @@ TEST_F(EditorWindow, tells_what_a_statement_needs)
           {"export " + file("out.stl"), "script:1: export: "}})
     {
         SCOPED_TRACE(statements);
-        const Result result = play(statements + "\n", {bar(folder_)});
+        const Result result = play(statements + "\n", {bar()});
         EXPECT_NE(result.code, 0);
         EXPECT_TRUE(contains(result.err, words)) << result.err;
     }
@@ -324,7 +268,7 @@ TEST_F(EditorWindow, tells_what_a_statement_needs)
 
 TEST_F(EditorWindow, a_saved_turn_about_a_pivot_opens_with_its_history_and_view)
 {
-    const std::string model = bar(folder_);
+    const std::string model = bar();
     const Result saved = play(bending(folder_.path().string()) +
                                   "place handle 0 0 0  0 0 1 30  0.5 0.25 0.125\nwait\n"
                                   "drag 0.5vw 0.1vh 0.6vw 0.2vh 4 middle\nframes 2\n"
@@ -379,7 +323,7 @@ TEST_F(EditorWindow, draws_what_has_changed_and_shows_the_rest_again)
         shoot(changes[k].there, 2 * k + 1);
         shoot(changes[k].back, 2 * k + 2);
     }
-    const Result result = play(script + "quit\n", {bar(folder_)});
+    const Result result = play(script + "quit\n", {bar()});
     ASSERT_EQ(result.code, 0) << result.err;
     const auto view = [&](std::size_t number, const std::string& when = "")
     { return Picture(file(std::to_string(number) + when + ".ppm")).view(); };
@@ -398,7 +342,7 @@ TEST_F(EditorWindow, is_drawn_at_any_size)
     const Result result = play("size 1200 800\nframes 2\nsize 60 40\nframes 2\n"
                                "size 300 900\nmove 0.5vw 0.5vh\nshot " +
                                    file("narrow.ppm") + "\nquit\n",
-                               {bar(folder_)});
+                               {bar()});
     EXPECT_EQ(result.code, 0) << result.err;
     EXPECT_EQ(Picture(file("narrow.ppm")).height, 900);
 }
@@ -424,41 +368,19 @@ TEST_F(EditorWindow, draws_another_selection_of_many_samples_coarse_first)
 
 TEST_F(EditorWindow, keeps_what_is_edited_when_a_signal_ends_it)
 {
-    const std::string xdotool = support::installed("xdotool");
-    if (xdotool.empty())
-        GTEST_SKIP() << "xdotool is not installed";
-    const std::string model = bar(folder_);
+    const std::string model = bar();
     const std::string scene =
         folder_.write("s.json", R"({"cellwarp": 1, "model": "bar.obj"})");
-    const auto tool = [&](const std::vector<std::string>& arguments)
-    { return support::run_program(xdotool, arguments, on_display()); };
-    const auto pause = []
-    { std::this_thread::sleep_for(std::chrono::milliseconds(700)); };
     for (const std::string& opened : {model, scene})
     {
-        const pid_t editor = ::fork();
-        if (editor == 0)
-        {
-            on_display()();
-            ::execl(CELLWARP_EDITOR_BINARY, "cellwarp-editor", opened.c_str(), nullptr);
-            ::_exit(99);
-        }
+        RunningEditor editor(*this, opened);
+        if (!editor.is_there())
+            GTEST_SKIP() << "xdotool is not installed";
         const std::string name = std::filesystem::path(opened).filename().string();
-        ASSERT_EQ(tool({"search", "--sync", "--name", name}).code, 0);
-        pause();
-        tool({"mousemove", "300", "400"});
-        for (const char* key : {"a", "j"}) // all of it is fixed
-        {
-            pause();
-            tool({"key", key});
-        }
-        pause();
-        pause();
-        ::kill(editor, SIGTERM);
-        for (int k = 0; k < 30 && !has_ended(editor); ++k)
-            pause();
-        ::kill(editor, SIGKILL);
-        EXPECT_EQ(support::wait_for(editor), 143) << name;
+        editor.type({"a", "j"}); // all of it is fixed
+        editor.wait_for_edits(2);
+        editor.send(SIGTERM);
+        EXPECT_EQ(editor.wait_for_end(), 143) << name;
         // The next one goes on with it.
         const Document next(opened, file("cellwarp/journals"));
         EXPECT_EQ(next.num_recoverable(), 0u) << name;
@@ -472,47 +394,115 @@ TEST_F(EditorWindow, keeps_what_is_edited_when_a_signal_ends_it)
 
 TEST_F(EditorWindow, serves_real_events_of_the_display)
 {
-    const std::string xdotool = support::installed("xdotool");
-    if (xdotool.empty())
+    RunningEditor editor(*this, bar());
+    if (!editor.is_there())
         GTEST_SKIP() << "xdotool is not installed";
-    const std::string model = bar(folder_);
-    const pid_t editor = ::fork();
-    if (editor == 0)
-    {
-        on_display()();
-        ::execl(CELLWARP_EDITOR_BINARY, "cellwarp-editor", model.c_str(), nullptr);
-        ::_exit(99);
-    }
-    const auto tool = [&](const std::vector<std::string>& arguments)
-    { return support::run_program(xdotool, arguments, on_display()); };
-    const auto pause = []
-    { std::this_thread::sleep_for(std::chrono::milliseconds(700)); };
-    ASSERT_EQ(tool({"search", "--sync", "--name", "bar.obj"}).code, 0);
-    pause();
-    tool({"mousemove", "200", "300"});
-    for (const char* key : {"alt+1", "Home", "alt+z", "2"})
-        tool({"key", key});
-    pause();
-    tool({"mousemove", "20", "250", "mousedown", "1"});
-    pause();
-    tool({"mousemove", "100", "400", "mousemove", "300", "700"});
-    pause();
-    tool({"mouseup", "1"});
-    pause();
-    tool({"key", "j"});
-    pause();
-    tool({"key", "ctrl+s"});
-    pause();
-    tool({"key", "Return"});
-    for (int k = 0; k < 30 && !std::filesystem::exists(file("bar-edit.json")); ++k)
-        pause();
+    editor.type({"alt+1", "Home", "alt+z"});
+    editor.key(support::kDigit + 2);
+    editor.drag({70, 250}, {300, 700});
+    editor.type({"j", "ctrl+s", "Return"});
+    for (int k = 0; k < 100 && !std::filesystem::exists(file("bar-edit.handles")); ++k)
+        support::pause(200);
     EXPECT_TRUE(contains(bytes_of(file("bar-edit.handles")), "fixed "));
-    pause();
-    tool({"key", "ctrl+q"});
-    for (int k = 0; k < 30 && !has_ended(editor); ++k)
-        pause();
-    ::kill(editor, SIGKILL);
-    EXPECT_EQ(support::wait_for(editor), 0);
+    editor.type({"ctrl+q"});
+    EXPECT_EQ(editor.wait_for_end(), 0);
+}
+
+TEST_F(EditorWindow, a_press_counts_where_it_was_made_even_if_the_window_stood_still_then)
+{
+    const auto edits = [&](bool stops)
+    {
+        RunningEditor editor(*this, bar());
+        editor.type({"alt+1", "Home"});
+        editor.key(support::kDigit + 2);
+        if (stops)
+            editor.send(SIGSTOP);
+        editor.drag({70, 250}, {300, 700});
+        // A click on a tool, and the way back to the view.
+        editor.click(editor.tool(2));
+        editor.drag({900, 250}, {1000, 700});
+        editor.click(editor.tool(1));
+        editor.drag({500, 250}, {700, 700});
+        if (stops)
+            editor.send(SIGCONT);
+        return editor.edits(3);
+    };
+    if (!RunningEditor(*this, bar()).is_there())
+        GTEST_SKIP() << "xdotool is not installed";
+    const std::vector<std::string> running = edits(false);
+    ASSERT_EQ(running.size(), 3u);
+    EXPECT_TRUE(contains(running[0], "Select by box")) << running[0];
+    EXPECT_TRUE(contains(running[1], "Select by lasso")) << running[1];
+    EXPECT_TRUE(contains(running[2], "Select by box")) << running[2];
+    EXPECT_EQ(edits(true), running);
+}
+
+namespace
+{
+
+/// Physical keys that have a letter on a layout, by its characters.
+struct Keyboard
+{
+    const char* name;
+    int a, j, h, k, i, z, o, s;
+};
+
+/// The gestures of a first session, on a keyboard with a layout; the edits that came out.
+std::vector<std::string> session(const EditorWindow& window, const std::string& model,
+                                 const Keyboard& on)
+{
+    RunningEditor editor(window, model, on.name);
+    const auto digit = [](int number) { return support::kDigit + number; };
+    editor.key(digit(1), {"Alt_L"}); // from the front
+    editor.type({"Home"});
+    editor.key(digit(2)); // box
+    editor.drag({70, 250}, {300, 700});
+    editor.key(on.j);
+    editor.key(digit(3)); // lasso
+    editor.drag({900, 250}, {1000, 700});
+    editor.key(on.h);
+    editor.key(on.a);
+    editor.key(on.i, {"Control_L"}); // nothing
+    editor.key(on.z, {"Control_L"});
+    editor.key(on.z, {"Control_L", "Shift_L"});
+    editor.key(on.o, {"Control_L"}); // a dialog, and no box behind it
+    editor.drag({400, 250}, {500, 700});
+    editor.type({"Escape"});
+    editor.key(digit(4)); // brush
+    editor.drag({500, 450}, {600, 450});
+    editor.key(on.k);
+    editor.key(on.s, {"Control_L"}); // the name is emptied, so nothing is saved
+    editor.key(on.a, {"Control_L"});
+    editor.type({"Delete", "Return", "Escape"});
+    editor.key(on.a);
+    return editor.edits(9);
+}
+
+} // namespace
+
+TEST_F(EditorWindow, has_its_shortcuts_on_every_layout_of_the_keyboard)
+{
+    if (support::installed("setxkbmap").empty() ||
+        !RunningEditor(*this, bar()).is_there())
+        GTEST_SKIP() << "setxkbmap or xdotool is not installed";
+    const std::vector<std::string> edits =
+        session(*this, bar(), {"us", 38, 44, 43, 45, 31, 52, 32, 39});
+    const std::vector<std::string> names = {
+        "Select by box", "Make fixed", "Select by lasso",
+        "Make handle",   "Select all", "Invert selection",
+        "at 5",          "at 6",       "Select by brush",
+        "Make stiff",    "Select all"};
+    ASSERT_EQ(edits.size(), names.size());
+    for (std::size_t k = 0; k < names.size(); ++k)
+        EXPECT_TRUE(contains(edits[k], names[k])) << edits[k];
+    EXPECT_FALSE(std::filesystem::exists(file("bar-edit.json")));
+    for (const Keyboard& layout : {Keyboard{"fr", 24, 44, 43, 45, 31, 25, 32, 39},
+                                   Keyboard{"ru", 38, 44, 43, 45, 31, 52, 32, 39},
+                                   Keyboard{"de", 38, 44, 43, 45, 31, 29, 32, 39}})
+    {
+        EXPECT_EQ(session(*this, bar(), layout), edits) << layout.name;
+        EXPECT_FALSE(std::filesystem::exists(file("bar-edit.json"))) << layout.name;
+    }
 }
 
 } // namespace cellwarp
