@@ -296,11 +296,11 @@ TEST_F(EditorWindow, a_saved_turn_about_a_pivot_opens_with_its_history_and_view)
 
 TEST_F(EditorWindow, draws_what_has_changed_and_shows_the_rest_again)
 {
-    struct Change
+    struct Switch
     {
         std::string there, back;
     };
-    const std::vector<Change> changes = {
+    const std::vector<Switch> changes = {
         {"show edges on", "show edges off"},
         {"show colours off", "show colours on"},
         {"show ghost on", "show ghost off"},
