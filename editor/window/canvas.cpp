@@ -168,7 +168,7 @@ public:
                 GL_TRIANGLES, num_coarse_, GL_UNSIGNED_INT,
                 reinterpret_cast<const void*>(idx(num_corners_) * sizeof(std::uint32_t)));
         else
-            draw_triangles();
+            glDrawElements(GL_TRIANGLES, num_corners_, GL_UNSIGNED_INT, nullptr);
     }
 
 private:
@@ -182,21 +182,6 @@ private:
                              colour[2] / 255.0f, 0.0f);
         }
         glVertexAttrib3f(1, 0.0f, 0.0f, 0.0f);
-    }
-    /// In parts: drivers without a graphics card keep all that was not flushed, 190 bytes
-    /// a triangle.
-    void draw_triangles() const
-    {
-        constexpr auto kAtOnce =
-            static_cast<GLsizei>(kCornersAtOnce - kCornersAtOnce % 3);
-        for (GLsizei first = 0; first < num_corners_; first += kAtOnce)
-        {
-            if (first > 0)
-                glFlush();
-            glDrawElements(
-                GL_TRIANGLES, std::min(kAtOnce, num_corners_ - first), GL_UNSIGNED_INT,
-                reinterpret_cast<const void*>(idx(first) * sizeof(std::uint32_t)));
-        }
     }
     void draw_points(int step) const
     {
