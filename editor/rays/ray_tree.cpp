@@ -156,8 +156,7 @@ RayTree::RayTree(const RayDevice& device, Making making)
     if (making == Making::Quick)
     {
         state_->quality = RTC_BUILD_QUALITY_LOW;
-        // Compact: trees of a million samples take half a gigabyte otherwise, and rays
-        // are few.
+        // Compact, for there are two of them while a shape changes; rays are few.
         rtcSetSceneFlags(
             state_->scene.get(),
             static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_COMPACT));
