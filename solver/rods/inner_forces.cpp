@@ -121,9 +121,44 @@ InnerForces::InnerForces(const RodState& state) : state_(state)
         piece.torque.add(length_at(middle),
                          stiffness * (state.twist(e) - rest_twist) / span.length);
     }
+    join_at_seam();
     for (Piece& piece : pieces_)
         if (piece.slope.at.empty())
             piece.slope.add(piece.bending.at.front(), Vector3d::Zero());
+}
+
+/// What ends at the seam of a closed rod goes on at its begin.
+void InnerForces::join_at_seam()
+{
+    const Rod& rod = state_.rod();
+    if (!rod.basis().is_closed() || rod.basis().smoothness_before(0) < 1)
+        return;
+    Piece &front = pieces_.front(), &back = pieces_.back();
+    const double turn = rod.arc_length().total();
+    const auto join = [&](auto& first, auto& last)
+    {
+        if (first.at.empty() || last.at.empty())
+            return;
+        const double before = last.at.back() - turn, behind = first.at.front() + turn;
+        const auto of_before = last.value.back(), of_behind = first.value.front();
+        last.add(behind, of_behind);
+        first.at.insert(first.at.begin(), before);
+        first.value.insert(first.value.begin(), of_before);
+    };
+    join(front.tension, back.tension);
+    join(front.torque, back.torque);
+    join(front.bending, back.bending);
+    join(front.slope, back.slope);
+    if (rod.bending_places().size() > 1 || front.slope.at.empty())
+        return;
+    // With one place a span the slope at the seam is the difference across it.
+    const double at = 0.5 * (front.bending.at[0] + front.bending.at[1]);
+    const Vector3d slope = (front.bending.value[1] - front.bending.value[0]) /
+                           (front.bending.at[1] - front.bending.at[0]);
+    back.slope.at.insert(back.slope.at.end() - 1, at + turn);
+    back.slope.value.insert(back.slope.value.end() - 1, slope);
+    front.slope.at.insert(front.slope.at.begin() + 1, at);
+    front.slope.value.insert(front.slope.value.begin() + 1, slope);
 }
 
 SectionForces InnerForces::in(std::size_t span, double s) const

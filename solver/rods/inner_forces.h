@@ -46,6 +46,8 @@ private:
         Samples<Eigen::Vector3d> bending, slope; ///< slope: of the moment [N m / m]
     };
 
+    void join_at_seam();
+
     const RodState& state_;
     std::vector<Piece> pieces_;
     std::vector<std::size_t> piece_of_span_;
