@@ -202,11 +202,13 @@ private:
             left_ = ahead > 0.0 ? 1 : -1;
         else
         {
-            // As if it looked along z, or from z upwards along -y; else along x.
-            const Vector3d along_x = Vector3d::UnitX();
-            const double side = std::abs(normal.dot(along_x)) > 0.5
-                                    ? normal.dot(along_x)
-                                    : normal.dot(up_.cross(along_x));
+            // The side of x, or of y where x points upwards; where that axis lies in the
+            // plane, the side to the left of it.
+            const Vector3d axis =
+                up_.x() > 0.5 ? Vector3d(Vector3d::UnitY()) : Vector3d(Vector3d::UnitX());
+            const double along = normal.dot(axis);
+            const double side =
+                std::abs(along) > 0.5 ? along : normal.dot(up_.cross(axis));
             left_ = side >= 0.0 ? 1 : -1;
         }
     }

@@ -15,7 +15,7 @@ namespace cellwarp
 /// legs, which is symmetric and whose paired limbs reach the ground, legs, arms, fingers,
 /// toes, the spine and the head have these names instead of limb3. \p up: its axis that
 /// points upwards, x, y or z. Left is the side to the left of where the feet point, or
-/// where that is not clear the side of x (of -z where x points forwards).
+/// where that is not clear the side of x; of y if x points upwards.
 std::vector<std::string> limb_names(const std::vector<LimbJoint>& joints, char up = 'y');
 
 } // namespace cellwarp

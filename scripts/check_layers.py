@@ -83,7 +83,7 @@ LIBRARIES = {
     "lzf.h": {"io/lzf.cpp"},
     "draco/": {"io/draco_mesh.cpp", "tests"},
     "meshoptimizer.h": {"io/meshopt_view.cpp", "tests"},
-    "nlohmann/": {"io/json_object.h", "io/scene_file.cpp", "io/gltf_json.h", "io/gltf_rebuild.cpp", "io/animation_file.cpp", "editor/cli", "editor/document/edit_text.cpp",
+    "nlohmann/": {"io/json_object.h", "io/scene_file.cpp", "io/gltf_json.h", "io/gltf_rebuild.cpp", "io/animation_file.cpp", "io/skinned_file.cpp", "editor/cli", "editor/document/edit_text.cpp",
                   "editor/document/json_statements.h",
                   "editor/window", "tests"},
     "gtest/": {"tests"},

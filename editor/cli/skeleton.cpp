@@ -7,11 +7,14 @@
 #include <fmt/format.h>
 
 #include "editor/cli/limbs.h"
+#include "editor/cli/skin_shares.h"
+#include "editor/session/retargeted_motion.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
 #include "io/number.h"
 #include "io/relative_name.h"
 #include "io/skeleton_file.h"
+#include "io/skinned_file.h"
 #include "io/text.h"
 #include "octree/base/index.h"
 #include "octree/limb_names.h"
@@ -24,7 +27,7 @@ namespace
 
 struct SkeletonFlags
 {
-    std::string model, output, columns, up = "y";
+    std::string model, output, columns, motion, up = "y";
     LimbOptions options;
     std::vector<std::string> without, soft; ///< names of limbs or joints
 };
@@ -86,13 +89,14 @@ std::vector<char> named_by(const std::string& flag, const std::vector<std::strin
 }
 
 /// The joints that stay: what is named by --without is not there, nor is of --soft what
-/// comes after its first bone; neither is what hangs on them.
+/// comes after its first bone, from a joint that is named on; neither is what hangs on
+/// them.
 std::vector<char> staying(const SkeletonFlags& flags,
                           const std::vector<LimbJoint>& joints,
                           const std::vector<std::string>& names)
 {
-    const std::vector<char> without = named_by("--without", flags.without, names),
-                            soft = named_by("--soft", flags.soft, names);
+    const std::vector<char> without = named_by("--without", flags.without, names);
+    std::vector<char> soft = named_by("--soft", flags.soft, names);
     std::vector<char> stays(joints.size(), 1);
     for (std::size_t k = 1; k < joints.size(); ++k)
     {
@@ -101,12 +105,14 @@ std::vector<char> staying(const SkeletonFlags& flags,
         const bool goes_on = std::any_of(joints.begin(), joints.end(),
                                          [&](const LimbJoint& other)
                                          { return other.parent == static_cast<int>(k); });
+        soft[k] = soft[k] || soft[parent];
         stays[k] = stays[parent] && !without[k] && (!soft[k] || (begins && goes_on));
     }
     return stays;
 }
 
-std::vector<SkeletonJoint> statements_of(const std::vector<LimbJoint>& joints,
+std::vector<SkeletonJoint> statements_of(const SkeletonFlags& flags,
+                                         const std::vector<LimbJoint>& joints,
                                          const std::vector<std::string>& names,
                                          const std::vector<char>& stays)
 {
@@ -122,7 +128,8 @@ std::vector<SkeletonJoint> statements_of(const std::vector<LimbJoint>& joints,
         statement.at = joints[k].at;
     }
     if (out.size() < 2)
-        throw wrong_flag("--without", "no bone is left");
+        throw wrong_flag(flags.without.empty() ? "--soft" : "--without",
+                         "no bone is left");
     return out;
 }
 
@@ -137,13 +144,30 @@ Json joints_json(const std::vector<SkeletonJoint>& joints)
     return out;
 }
 
-std::string text_of(const SkeletonFlags& flags, const std::vector<SkeletonJoint>& joints)
+std::string text_of(const SkeletonFlags& flags, const Geometry& geometry,
+                    const std::vector<SkeletonJoint>& joints, const CommonFlags& common)
 {
-    if (extension_of(flags.output) == "tgf")
+    const std::string extension = extension_of(flags.output);
+    MotionStatement motion;
+    motion.file = flags.motion;
+    if (extension == "glb")
+    {
+        SkeletonScene scene;
+        scene.joints = joints;
+        scene.motion = motion;
+        const SkeletonValues moving = moving_skeleton(scene, flags.model);
+        print_warnings(moving.warnings, common);
+        return skinned_glb(flags.output, geometry, moving,
+                           skin_shares(geometry.samples, joints));
+    }
+    if (extension == "tgf")
         return tgf_text(joints);
-    const Json scene = {{"cellwarp", 1},
-                        {"model", relative_name(flags.output, flags.model)},
-                        {"skeleton", {{"joints", joints_json(joints)}}}};
+    Json scene = {{"cellwarp", 1},
+                  {"model", relative_name(flags.output, flags.model)},
+                  {"skeleton", {{"joints", joints_json(joints)}}}};
+    if (!flags.motion.empty())
+        scene["skeleton"]["motion"] = {
+            {"file", relative_name(flags.output, flags.motion)}};
     return scene.dump(2) + "\n";
 }
 
@@ -151,9 +175,13 @@ int run(const SkeletonFlags& flags, const CommonFlags& common)
 {
     check_stdout(flags.output, common);
     if (const std::string extension = extension_of(flags.output);
-        flags.output != "-" && extension != "tgf" && extension != "json")
+        flags.output != "-" && extension != "tgf" && extension != "json" &&
+        extension != "glb")
         throw wrong_flag("--output", "got " + in_quotes(flags.output) +
-                                         ", need a skeleton (.tgf) or a scene (.json)");
+                                         ", need a skeleton (.tgf), a scene (.json) or a "
+                                         "model with a skin (.glb)");
+    if (!flags.motion.empty() && extension_of(flags.output) == "tgf")
+        throw wrong_flag("--motion", "a .tgf holds no motion");
     if (flags.options.bones < 1 || flags.options.bones > 64)
         throw wrong_flag("--bones",
                          fmt::format("got {}, need 1 to 64", flags.options.bones));
@@ -167,9 +195,9 @@ int run(const SkeletonFlags& flags, const CommonFlags& common)
         limbs_of(flags.model, file.geometry, flags.options);
     const std::vector<std::string> names = limb_names(found, flags.up[0]);
     const std::vector<char> stays = staying(flags, found, names);
-    const std::vector<SkeletonJoint> joints = statements_of(found, names, stays);
+    const std::vector<SkeletonJoint> joints = statements_of(flags, found, names, stays);
     OutputSet outputs(common.overwrite());
-    outputs.write(flags.output, text_of(flags, joints));
+    outputs.write(flags.output, text_of(flags, file.geometry, joints, common));
     if (common.is_json)
     {
         Json json = {{"model", flags.model}, {"joints", joints_json(joints)}};
@@ -201,8 +229,9 @@ void add_skeleton(CLI::App& app, CommonFlags& common, int& exit_code)
         ->required();
     command
         ->add_option("-o,--output", flags->output,
-                     "FILE.tgf, or FILE.json: a scene of the model with these joints; -: "
-                     "the scene on stdout")
+                     "FILE.tgf; FILE.json: a scene of the model with these joints; "
+                     "FILE.glb: the model with a skin, for engines; -: the scene on "
+                     "stdout")
         ->required();
     command->add_option(
         "--bend", flags->options.bend,
@@ -226,6 +255,10 @@ void add_skeleton(CLI::App& app, CommonFlags& common, int& exit_code)
                      "NAME: the same, but the first bone of several stays, so that the "
                      "limb begins where the body is; repeatable")
         ->allow_extra_args(false);
+    command->add_option(
+        "--motion", flags->motion,
+        "FILE.bvh, .gltf or .glb, y up: its motion moves these joints, in a "
+        "scene or as the animation of a .glb");
     command->add_option("--up", flags->up, "axis that points up, for names (default y)")
         ->check(CLI::IsMember({"x", "y", "z"}));
     add_columns(*command, flags->columns);

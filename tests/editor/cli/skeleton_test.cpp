@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Skeletons as scripts see them: scenes that pose, cellwarp skeleton, files that move.
+#include <algorithm>
 #include <filesystem>
 
 #include <gtest/gtest.h>
@@ -174,6 +175,86 @@ TEST(SkeletonCli, files_of_skeletons_that_cannot_be_written_are_told_first)
     EXPECT_EQ(
         run({"skeleton", files.model, "-o", files.out("s.tgf"), "--bend", "0"}).code, 2);
     EXPECT_EQ(run({"skeleton", files.out("none.obj"), "-o", files.out("s.tgf")}).code, 4);
+}
+
+TEST(SkeletonCli, bones_of_what_should_swing_are_left_out)
+{
+    const std::string model = std::string(CELLWARP_SAMPLES) + "/creature.obj";
+    const support::Folder folder;
+    const auto names = [&](std::vector<std::string> more)
+    {
+        std::vector<std::string> words = {"skeleton", model, "-o", "-"};
+        words.insert(words.end(), more.begin(), more.end());
+        const Result result = run(words);
+        EXPECT_EQ(result.code, 0) << result.err;
+        std::vector<std::string> out;
+        for (const Json& joint : Json::parse(result.out)["skeleton"]["joints"])
+            out.push_back(joint["name"].get<std::string>());
+        return out;
+    };
+    const auto count = [](const std::vector<std::string>& all, const std::string& begin,
+                          const std::string& end)
+    {
+        return std::count_if(all.begin(), all.end(),
+                             [&](const std::string& name)
+                             { return name.starts_with(begin) && name.ends_with(end); });
+    };
+    const std::vector<std::string> all = names({});
+    EXPECT_GE(count(all, "leg.", ".L"), 3);
+    EXPECT_EQ(count(all, "leg.", ".L"), count(all, "leg.", ".R"));
+    EXPECT_EQ(count(all, "arm.", ".L"), count(all, "arm.", ".R"));
+    const std::vector<std::string> one_leg = names({"--without", "leg.L"});
+    EXPECT_EQ(count(one_leg, "leg.", ".L"), 0);
+    EXPECT_EQ(count(one_leg, "leg.", ".R"), count(all, "leg.", ".R"));
+    EXPECT_EQ(count(names({"--without", "leg"}), "leg", ""), 0);
+    EXPECT_EQ(count(names({"--soft", "arm"}), "arm.1", ""), 2);
+    EXPECT_EQ(count(names({"--soft", "arm"}), "arm.2", ""), 0);
+    EXPECT_EQ(count(names({"--without", "leg.2.R"}), "leg.", ".R"), 1);
+    EXPECT_EQ(count(names({"--soft", "leg.2.R"}), "leg.", ".R"), 2);
+    Result result = run({"skeleton", model, "-o", "-", "--without", "wing"});
+    EXPECT_EQ(result.code, 2);
+    EXPECT_TRUE(contains(result.err, "'wing', which is neither a joint nor a limb"));
+    result = run({"skeleton", model, "-o", "-", "--soft", "root"});
+    EXPECT_EQ(result.code, 2);
+    EXPECT_TRUE(contains(result.err, "the root cannot be left out"));
+}
+
+TEST(SkeletonCli, a_capture_moves_joints_that_were_found)
+{
+    const std::string model = std::string(CELLWARP_SAMPLES) + "/creature.obj";
+    const support::Folder folder;
+    folder.write("nod.bvh",
+                 "HIERARCHY\nROOT Hips\n{\nOFFSET 0 1 0\n"
+                 "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation "
+                 "Yrotation\n"
+                 "JOINT Spine\n{\nOFFSET 0 0.5 0\nCHANNELS 3 Zrotation Xrotation "
+                 "Yrotation\nEnd Site\n{\nOFFSET 0 0.5 0\n}\n}\n"
+                 "JOINT LLeg\n{\nOFFSET 0.1 -0.1 0\nCHANNELS 3 Zrotation Xrotation "
+                 "Yrotation\nEnd Site\n{\nOFFSET 0 -0.9 0\n}\n}\n"
+                 "JOINT RLeg\n{\nOFFSET -0.1 -0.1 0\nCHANNELS 3 Zrotation Xrotation "
+                 "Yrotation\nEnd Site\n{\nOFFSET 0 -0.9 0\n}\n}\n}\n"
+                 "MOTION\nFrames: 2\nFrame Time: 0.5\n"
+                 "0 1 0 0 0 0 0 0 0 0 0 0 0 0 0\n"
+                 "0 1 0 0 0 0 0 0 0 0 -40 0 0 0 0\n");
+    const std::string scene =
+        folder.write("s.json", R"({"cellwarp": 1, "model": ")" + model +
+                                   R"(", "cells": {"max_depth": 0},
+            "skeleton": {"motion": {"file": "nod.bvh"}, "joints": [
+                {"name": "root", "parent": null, "at": [0, 1, 0]},
+                {"name": "head", "parent": "root", "at": [0, 2, 0]},
+                {"name": "leg.L", "parent": "root", "at": [0.2, 0.1, 0]},
+                {"name": "leg.R", "parent": "root", "at": [-0.2, 0.1, 0]}]}})");
+    const Result result = run({"check", scene});
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_TRUE(contains(result.out, "2 frames")) << result.out;
+    const std::string both =
+        folder.write("b.json", R"({"cellwarp": 1, "model": ")" + model + R"(",
+            "skeleton": {"motion": {"file": "nod.tgf"}, "joints": [
+                {"name": "root", "parent": null, "at": [0, 1, 0]}]}})");
+    const Result refused = run({"check", both});
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_TRUE(contains(refused.err, "skeleton.motion.file: got 'nod.tgf'"))
+        << refused.err;
 }
 
 TEST(SkeletonCli, info_tells_where_limbs_end)

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// How much the joints of a skeleton have of a model's samples, by distance.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/skinned_file.h"
+
+namespace cellwarp
+{
+
+/// The joint whose bones are nearest has a sample, and shares it with the joint before
+/// and those behind it where their bones are less than twice as far away. One a sample.
+/// \pre parents stand before their children; some joint has a bone
+std::vector<SkinShares> skin_shares(const std::vector<Eigen::Vector3d>& samples,
+                                    const std::vector<SkeletonJoint>& joints);
+
+} // namespace cellwarp
