@@ -247,7 +247,7 @@ FleshStatement read_flesh(JsonObject& object, const std::string& path,
         of.read(key, Between<double>{low, high}, value);
         out = value.value_or(out);
     };
-    number(object, "E", kTiny, kHuge, flesh.young);
+    object.read("E", Between<double>{kTiny, kHuge}, flesh.young);
     number(object, "nu", 0.0, kMostPoisson, flesh.poisson);
     number(object, "density", kTiny, kHuge, flesh.density);
     if (const Json* json = object.find("damping"))

@@ -67,8 +67,10 @@ struct FleshHoldStatement
 /// Flesh that follows the skeleton in time.
 struct FleshStatement
 {
-    double young = 1e4, poisson = 0.4, density = 1000.0; ///< [Pa], [kg/m^3]
-    double alpha = 0.0, beta = 0.0;                      ///< damping [1/s], [s]
+    /// [Pa]; none: such that the shape holds in its weight, see softness.h.
+    std::optional<double> young;
+    double poisson = 0.4, density = 1000.0; ///< of that [kg/m^3]
+    double alpha = 0.0, beta = 0.0;         ///< damping [1/s], [s]
     std::vector<FleshRegion> materials;
     std::string law = "cells";
     std::int64_t newton = 1;

@@ -30,6 +30,7 @@ Json size_of(const FleshBody& body)
     return {{"nodes", body.flesh->lattice().places.size()},
             {"free_nodes", body.flesh->nodes().free.size()},
             {"cells", body.flesh->lattice().cells.size()},
+            {"E", body.model->materials[0].young},
             {"held_points", body.held},
             {"rows_dropped", body.dropped}};
 }

@@ -74,6 +74,11 @@ void look_for_loose_parts(FleshBody& body)
             bool& is_part_held = is_held[joined.first_of(node)];
             is_part_held = is_part_held || is_bound[idx(node)];
         }
+    for (std::size_t n = 0; n < lattice.places.size(); ++n)
+    {
+        const auto part = is_held.find(joined.first_of(static_cast<int>(n)));
+        body.is_loose.push_back(part == is_held.end() || !part->second);
+    }
     const auto loose = std::count_if(is_held.begin(), is_held.end(),
                                      [](const auto& part) { return !part.second; });
     const Triple& g = model.scene.time->gravity;
@@ -127,8 +132,6 @@ void finish(FleshBody& body, Lattice lattice, std::vector<HeldPoint> points,
     guide_what_is_not_bound(model, *body.flesh, body.held_points, body.warnings);
     body.dropped = body.flesh->nodes().dropped.size() - body.held_points.num_whole_guided;
     look_for_loose_parts(body);
-    if (model.flesh().settles)
-        refuse_without_rest(body);
 }
 
 /// What obstacles may touch.
@@ -243,10 +246,27 @@ FleshPoint FleshBody::point_of_sample(std::size_t sample) const
 
 FleshBody build_flesh(std::shared_ptr<const FleshModel> model)
 {
-    if (!model->flesh().lattice.empty())
-        return drawn_body(std::move(model));
-    const Octree octree = first_octree(*model);
-    return build_flesh(std::move(model), octree, octree);
+    const auto built = [](std::shared_ptr<const FleshModel> of)
+    {
+        if (!of->flesh().lattice.empty())
+            return drawn_body(std::move(of));
+        const Octree octree = first_octree(*of);
+        return build_flesh(std::move(of), octree, octree);
+    };
+    FleshBody body = built(model);
+    if (!model->flesh().young)
+        if (const double young = holding_stiffness(body); young > 0.0)
+        {
+            auto holding = std::make_shared<FleshModel>(*model);
+            for (std::size_t k = 0; k < holding->materials.size(); ++k)
+                if (k == 0 || !holding->flesh().materials[k - 1].young)
+                    holding->materials[k].young = young;
+            body = built(std::move(holding));
+        }
+    if (model->flesh().settles)
+        refuse_without_rest(body);
+    warn_of_sag(body);
+    return body;
 }
 
 FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree,

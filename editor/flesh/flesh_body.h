@@ -30,6 +30,7 @@ struct FleshBody
     std::vector<Eigen::Vector3d> local; ///< of each sample, in its cell
     std::size_t held = 0, dropped = 0;  ///< points of bones
     double mass = 0.0;                  ///< [kg]
+    std::vector<bool> is_loose;         ///< nodes of parts that no bone holds
     /// Their motions come after those of the joints.
     HeldPoints held_points;
     /// With detail that comes and goes, points that may lie off what holds them, and come
@@ -74,7 +75,8 @@ std::vector<LeafNumber> leaves_of_fine_regions(const FleshModel& model,
 /// material: its first voxel.
 std::vector<int> cells_around(const Body& cells, const Body& others);
 
-/// In the first lattice. Throws Fault::Malformed for what the scene says and cannot be.
+/// In the first lattice; of material whose stiffness the scene does not tell with that
+/// of holding_stiffness(). Throws Fault::Malformed for what the scene says and cannot be.
 FleshBody build_flesh(std::shared_ptr<const FleshModel> model);
 
 /// The lattice of an octree that is about to become \p coarser, the same where it stays.

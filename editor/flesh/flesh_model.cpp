@@ -119,7 +119,8 @@ void take_obstacles(FleshModel& model)
 void take_materials(FleshModel& model)
 {
     const FleshStatement& flesh = model.flesh();
-    model.materials.push_back({flesh.young, flesh.poisson, flesh.density});
+    model.materials.push_back(
+        {flesh.young.value_or(kFirstYoung), flesh.poisson, flesh.density});
     if (flesh.materials.empty())
         return;
     model.material_of_voxel.assign(model.rest->material.grid.size(), 0);

@@ -59,6 +59,7 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
       model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
       body_(build_flesh(model_)), warnings_(skeleton_.warnings)
 {
+    model_ = body_.model;
     warnings_.insert(warnings_.end(), model_->warnings.begin(), model_->warnings.end());
     warnings_.insert(warnings_.end(), body_.warnings.begin(), body_.warnings.end());
     keys_.emplace(skeleton_);

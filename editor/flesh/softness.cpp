@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/flesh/softness.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -28,6 +29,22 @@ std::vector<Vector3d> places_held(const FleshBody& body)
     for (const HeldPoints::Guided& guided : body.held_points.guided)
         places.push_back(guided.point.point.place);
     return places;
+}
+
+/// By how much of the diagonal a sample sags at the most, but where nothing holds it.
+double sag_in(const FleshBody& body, const Vector3d& gravity)
+{
+    const FleshModel& model = *body.model;
+    const std::vector<Motion> at_rest(body.first_own_motion() + body.own_motions.size());
+    const Eigen::VectorXd u = body.flesh->sag(gravity, at_rest);
+    double most = 0.0;
+    for (std::size_t i = 0; i < body.cell_of_sample.size(); ++i)
+    {
+        const int cell = body.cell_of_sample[i];
+        if (!body.is_loose[idx(body.flesh->lattice().cells[idx(cell)][0])])
+            most = std::max(most, at_point(body.point_of_sample(i).shares, u).norm());
+    }
+    return most / (model.metre * model.frame.diagonal());
 }
 
 double rounded_up(double value)
@@ -65,6 +82,30 @@ Softness softness_of(const FleshBody& body)
     out.field = softest == 0 ? "skeleton.E"
                              : model.flesh().materials[idx(softest - 1)].field + ".E";
     return out;
+}
+
+double holding_stiffness(const FleshBody& body)
+{
+    constexpr double kGravity = 9.81; // [m/s^2]
+    const double sag =
+        sag_in(body, body.model->frame.axes * Vector3d(0.0, -kGravity, 0.0));
+    return sag > 0.0 && std::isfinite(sag) ? rounded_up(kFirstYoung * sag / kSag) : 0.0;
+}
+
+void warn_of_sag(FleshBody& body)
+{
+    const FleshModel& model = *body.model;
+    const Vector3d& gravity = model.settings.gravity;
+    if (gravity.isZero(0.0) || model.settings.law == FleshLaw::Regions)
+        return; // those would make factors for it
+    if (const double sag = sag_in(body, gravity); sag > kMuch)
+        body.warnings.push_back(
+            at({model.scene.path, 0, "skeleton.E"},
+               fmt::format("the flesh sags by {:.0f} % of its size in its weight, or "
+                           "more: E {} sags by {:.0f} %",
+                           100.0 * std::min(sag, 1.0),
+                           shortest(rounded_up(model.materials[0].young * sag / kSag)),
+                           100.0 * kSag)));
 }
 
 void refuse_without_rest(const FleshBody& body)

@@ -25,6 +25,18 @@ Softness softness_of(const FleshBody& body);
 /// Flesh that is softer than this ends inside out, if it comes to rest at all.
 inline constexpr double kSoftest = 3.0;
 
+/// The stiffness of all material for which the scene tells none, such that a sample sags
+/// by kSag of the diagonal at the most, by small strain, where gravity is 9.81 m/s^2
+/// against y, whatever the scene's; rounded up to two digits [Pa]. 0: nothing sags.
+/// \pre that material has kFirstYoung
+double holding_stiffness(const FleshBody& body);
+inline constexpr double kSag = 0.02;
+
+/// Where flesh sags by more than kMuch of the diagonal in the scene's gravity, by small
+/// strain, adds a warning with the stiffness that would do.
+void warn_of_sag(FleshBody& body);
+inline constexpr double kMuch = 0.1;
+
 /// Throws Fault::Malformed where the flesh is softer than kSoftest.
 void refuse_without_rest(const FleshBody& body);
 

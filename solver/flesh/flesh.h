@@ -102,6 +102,10 @@ public:
                        Weighs weighs = Weighs::Yes, const FleshSurroundings& around = {},
                        double at_rest = 1e-7);
 
+    /// How far each node sags in a weight of this gravity [m/s^2], held where it is at
+    /// rest, by small strain: displacements [m]. What nothing holds falls far.
+    Eigen::VectorXd sag(const Eigen::Vector3d& gravity, std::span<const Motion> at_rest);
+
     struct Energies
     {
         double kinetic = 0.0, elastic = 0.0, tube = 0.0, gravity = 0.0; ///< [J]

@@ -51,15 +51,21 @@ Flesh::Parts::Parts(Lattice of, std::vector<FleshMaterial> of_what,
             edge,
             (lattice.places[idx(corners[1])] - lattice.places[idx(corners[0])]).norm());
     }
-    VectorXd g = all_nodes();
-    for (Eigen::Index n = 0; n < g.size(); n += 3)
-        g.segment<3>(n) = settings.gravity;
-    forces.multiply(g, {1.0, 0.0, 0.0}, weight);
+    weight = weight_in(settings.gravity);
     loads = all_nodes();
     if (settings.law == FleshLaw::StVenantKirchhoff)
         forces.take_law(StrainLaw::StVenantKirchhoff);
     if (settings.law == FleshLaw::NeoHookean)
         forces.take_law(StrainLaw::NeoHookean);
+}
+
+VectorXd Flesh::Parts::weight_in(const Vector3d& gravity) const
+{
+    VectorXd of_nodes, g = all_nodes();
+    for (Eigen::Index n = 0; n < g.size(); n += 3)
+        g.segment<3>(n) = gravity;
+    forces.multiply(g, {1.0, 0.0, 0.0}, of_nodes);
+    return of_nodes;
 }
 
 void Flesh::Parts::expand(const VectorXd& free, const VectorXd* c, VectorXd& all) const

@@ -62,6 +62,7 @@ struct Flesh::Parts
     /// Forces on free nodes, with what those on bound ones come to.
     void reduce(const Eigen::VectorXd& all, Eigen::VectorXd& free) const;
 
+    Eigen::VectorXd weight_in(const Eigen::Vector3d& gravity) const; ///< of all nodes [N]
     FleshFactors factors(double dt) const
     {
         return {1.0 + dt * settings.alpha, dt * dt + dt * settings.beta, dt * dt};

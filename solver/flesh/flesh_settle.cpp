@@ -53,6 +53,14 @@ constexpr double kNotTooFar = -0.1, kSmallChange = 0.25;
 /// Held points that are this far from where they should be are to move [size].
 constexpr double kMoves = 1e-9;
 
+double longest_step(const std::vector<FleshMaterial>& materials, double size)
+{
+    double slowest = INFINITY; // sound [m/s]
+    for (const FleshMaterial& material : materials)
+        slowest = std::min(slowest, std::sqrt(material.young / material.density));
+    return kLongStep * size / slowest;
+}
+
 double largest_change(const std::vector<Matrix3d>& from, const std::vector<Matrix3d>& to)
 {
     double largest = 0.0;
@@ -76,10 +84,7 @@ public:
         p_.settings.alpha = p_.settings.beta = 0.0;
         p_.settings.tolerance = std::min(kMostTolerance, kLoose * settings_.tolerance);
         p_.prepared_dt = -1.0;
-        double slowest = INFINITY; // sound [m/s]
-        for (const FleshMaterial& material : p_.materials)
-            slowest = std::min(slowest, std::sqrt(material.young / material.density));
-        longest_ = dt_ = kLongStep * p_.size / slowest;
+        longest_ = dt_ = longest_step(p_.materials, p_.size);
     }
     ~Settling()
     {
@@ -207,6 +212,17 @@ private:
     VectorXd free_force_;
     std::vector<Matrix3d> from_, to_;
 };
+
+VectorXd Flesh::sag(const Eigen::Vector3d& gravity, std::span<const Motion> at_rest)
+{
+    Parts& p = *parts_;
+    VectorXd weight = p.weight_in(gravity);
+    std::swap(p.weight, weight);
+    FleshState state = rest();
+    step(state, longest_step(p.materials, p.size), at_rest);
+    std::swap(p.weight, weight);
+    return state.u;
+}
 
 FleshReport Flesh::settle(FleshState& state, std::span<const Motion> motions,
                           Weighs weighs, const FleshSurroundings& around, double at_rest)

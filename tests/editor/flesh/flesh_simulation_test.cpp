@@ -263,6 +263,39 @@ TEST(FleshSimulation,
     EXPECT_TRUE(contains(bar.refusal(), "skeleton.materials[0].E: flesh"));
 }
 
+TEST(FleshSimulation, without_a_stiffness_the_shape_holds_in_its_weight)
+{
+    Bar bar;
+    bar.keys = "";
+    bar.skeleton = R"("across": 16, "settle": true,
+                      "materials": [{"region": "box -1 -1 3.9  1 1 9", "density": 900},
+                                    {"region": "box -1 -1 -1  1 1 0.1", "E": 1e6}])";
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    const auto hangs = bar.start();
+    const std::vector<FleshMaterial>& materials = hangs->body().model->materials;
+    EXPECT_TRUE(hangs->warnings().empty());
+    EXPECT_GT(materials[0].young, 1e4);
+    EXPECT_EQ(materials[1].young, materials[0].young);
+    EXPECT_EQ(materials[2].young, 1e6);
+    double most = 0.0;
+    const DeformedSamples now = hangs->deformed_live();
+    for (std::size_t i = 0; i < now.samples.size(); ++i)
+        most = std::max(most, (now.samples[i] - hangs->geometry().samples[i]).norm());
+    EXPECT_NEAR(most / std::sqrt(1.0 + 1.0 + 16.0), 0.02, 0.003);
+    // Of gravity it does not depend, and told it is as good.
+    bar.more = "";
+    bar.skeleton.replace(bar.skeleton.find("true"), 4, "false");
+    EXPECT_EQ(bar.start()->body().model->materials[0].young, materials[0].young);
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    bar.skeleton = R"("E": 2e3, "across": 16)";
+    const auto soft = bar.start();
+    ASSERT_EQ(soft->warnings().size(), 1u);
+    EXPECT_TRUE(contains(soft->warnings()[0], "skeleton.E: the flesh sags by "));
+    EXPECT_TRUE(contains(soft->warnings()[0],
+                         "E " + shortest(materials[0].young) + " sags by 2 %"))
+        << soft->warnings()[0] << materials[0].young;
+}
+
 TEST(FleshSimulation, where_rest_in_its_weight_is_not_found_flesh_has_none)
 {
     Bar bar;
