@@ -277,8 +277,10 @@ void FleshSimulation::begin()
         is_at_rest = is_at_rest && has_rest;
         if (hangs && !has_rest)
         {
+            // After a change of the lattice the state before is one with weight.
             snapshot_.state = before_it;
             hangs = false;
+            settle(pose, 1.0, Weighs::No, kAtRest);
         }
     };
     if (settles_)

@@ -26,7 +26,7 @@ enum class FleshLaw
     Regions,           ///< small strain in the frames of bones, blended
     Linear,            ///< small strain: right for small turns alone
     StVenantKirchhoff, ///< Green's strain in the linear law
-    NeoHookean         ///< for Poisson's ratios near 0.5 at large strain
+    NeoHookean         ///< with a barrier against collapse [Smith18]
 };
 
 struct FleshSettings
