@@ -21,7 +21,7 @@ namespace
 {
 
 using Eigen::Vector3d;
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 constexpr int kFloat = 5126, kShort = 5123, kInt = 5125;
 
@@ -58,7 +58,7 @@ public:
         for (int k = 0; k < bytes; ++k)
             bytes_ += static_cast<char>(word >> (8 * k));
     }
-    /// Of all that was added since the last one; gives its number.
+    /// Makes an accessor of all bytes since the last one. Returns its number.
     std::size_t accessor(std::size_t count, const char* type, int component)
     {
         views_.push_back({{"buffer", 0},
@@ -91,26 +91,26 @@ public:
         for (const double time : times)
             add(time);
         const std::size_t number = accessor(times.size(), "SCALAR", kFloat);
-        accessors_[number]["min"] = Json::array({double(float(times.front()))});
-        accessors_[number]["max"] = Json::array({double(float(times.back()))});
+        accessors_[number]["min"] = OrderedJson::array({double(float(times.front()))});
+        accessors_[number]["max"] = OrderedJson::array({double(float(times.back()))});
         return number;
     }
     const std::string& bytes() const { return bytes_; }
-    const Json& views() const { return views_; }
-    const Json& accessors() const { return accessors_; }
+    const OrderedJson& views() const { return views_; }
+    const OrderedJson& accessors() const { return accessors_; }
 
 private:
     const std::string& path_;
     std::string bytes_;
     std::size_t viewed_ = 0;
-    Json views_ = Json::array(), accessors_ = Json::array();
+    OrderedJson views_ = OrderedJson::array(), accessors_ = OrderedJson::array();
 };
 
-Json primitive_of(const Geometry& geometry, const std::vector<SkinShares>& shares,
-                  Buffer& buffer)
+OrderedJson primitive_of(const Geometry& geometry, const std::vector<SkinShares>& shares,
+                         Buffer& buffer)
 {
     const std::vector<std::array<std::uint32_t, 3>> triangles = triangles_of(geometry);
-    Json primitive = {
+    OrderedJson primitive = {
         {"attributes", {{"POSITION", buffer.accessor_of(geometry.samples)}}}};
     if (!triangles.empty())
     {
@@ -135,9 +135,10 @@ Json primitive_of(const Geometry& geometry, const std::vector<SkinShares>& share
 }
 
 /// Node 0 is the mesh, node k + 1 the joint k.
-Json nodes_of(const std::vector<SkeletonJoint>& joints)
+OrderedJson nodes_of(const std::vector<SkeletonJoint>& joints)
 {
-    Json nodes = Json::array({{{"name", "shape"}, {"mesh", 0}, {"skin", 0}}});
+    OrderedJson nodes =
+        OrderedJson::array({{{"name", "shape"}, {"mesh", 0}, {"skin", 0}}});
     std::map<std::string, std::size_t> numbers;
     for (std::size_t k = 0; k < joints.size(); ++k)
     {
@@ -155,9 +156,9 @@ Json nodes_of(const std::vector<SkeletonJoint>& joints)
     return nodes;
 }
 
-Json animation_of(const SkeletonValues& skeleton, Buffer& buffer)
+OrderedJson animation_of(const SkeletonValues& skeleton, Buffer& buffer)
 {
-    Json samplers = Json::array(), channels = Json::array();
+    OrderedJson samplers = OrderedJson::array(), channels = OrderedJson::array();
     std::map<std::vector<double>, std::size_t> inputs;
     const auto add = [&](const std::vector<double>& times, std::size_t joint,
                          const char* path, std::size_t output)
@@ -204,8 +205,8 @@ std::string skinned_glb(const std::string& path, const Geometry& geometry,
             at({path, 0, ""},
                "cannot hold " + std::to_string(skeleton.joints.size()) + " joints"));
     Buffer buffer(path);
-    const Json primitive = primitive_of(geometry, shares, buffer);
-    Json joints = Json::array();
+    const OrderedJson primitive = primitive_of(geometry, shares, buffer);
+    OrderedJson joints = OrderedJson::array();
     for (std::size_t k = 0; k < skeleton.joints.size(); ++k)
     {
         joints.push_back(k + 1);
@@ -215,18 +216,20 @@ std::string skinned_glb(const std::string& path, const Geometry& geometry,
                 buffer.add(row == column ? 1.0 : column == 3 && row < 3 ? -x[row] : 0.0);
     }
     const std::size_t binds = buffer.accessor(skeleton.joints.size(), "MAT4", kFloat);
-    Json json = {
+    OrderedJson json = {
         {"asset", {{"version", "2.0"}, {"generator", "cellwarp"}}},
         {"scene", 0},
-        {"scenes", Json::array({{{"nodes", {0, 1}}}})},
+        {"scenes", OrderedJson::array({{{"nodes", {0, 1}}}})},
         {"nodes", nodes_of(skeleton.joints)},
-        {"meshes", Json::array({{{"primitives", Json::array({primitive})}}})},
-        {"skins", Json::array({{{"joints", joints}, {"inverseBindMatrices", binds}}})}};
+        {"meshes",
+         OrderedJson::array({{{"primitives", OrderedJson::array({primitive})}}})},
+        {"skins",
+         OrderedJson::array({{{"joints", joints}, {"inverseBindMatrices", binds}}})}};
     if (!skeleton.turns.empty() || !skeleton.shifts.empty())
-        json["animations"] = Json::array({animation_of(skeleton, buffer)});
+        json["animations"] = OrderedJson::array({animation_of(skeleton, buffer)});
     json["accessors"] = buffer.accessors();
     json["bufferViews"] = buffer.views();
-    json["buffers"] = Json::array({{{"byteLength", buffer.bytes().size()}}});
+    json["buffers"] = OrderedJson::array({{{"byteLength", buffer.bytes().size()}}});
     std::string text =
         json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
     while (text.size() % 4 != 0)
