@@ -167,7 +167,7 @@ void read_sizes(RodReader& reader, RodScene& scene, const std::string& prefix,
                     { key.read("size", least, kHuge, out.size); });
 }
 
-/// Of a material. \pre The integrator of the scene is known.
+/// Reads the damping of a material. \pre The integrator of the scene is known.
 void read_damping(RodReader& reader, const RodScene& scene, double& damping)
 {
     reader.read("damping", 0.0, kHuge, damping);

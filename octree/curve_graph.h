@@ -28,8 +28,9 @@ struct CurveOptions
 class CurveGraph
 {
 public:
-    /// Of the first of closed_surfaces() that holds nearly all of \p shape, else of the
-    /// one that holds most of it. Empty where there is none, and in a build without CGAL.
+    /// Graph of the first of closed_surfaces() that holds nearly all of \p shape, else
+    /// the one that holds most of it. Empty where there is none, and in a build without
+    /// CGAL.
     CurveGraph(const Shape& shape, const CurveOptions& options);
 
     bool is_empty() const { return skeleton_.edges.empty(); }

@@ -142,7 +142,7 @@ private:
             return;
         base_[arms] = "arm";
         const int chest = limbs_.at(arms).parent;
-        // What is in the plane: between pelvis and chest, and above the chest.
+        // Limbs in the plane: between pelvis and chest, and above the chest.
         int head = 0;
         double top = height(joints_[idx(chest)]);
         for (const auto& [number, limb] : limbs_)

@@ -91,7 +91,7 @@ void find_bends(const std::vector<Vector3d>& line, std::size_t first, std::size_
     find_bends(line, bend, last, tolerance, shortest, out);
 }
 
-/// Where a piece of a line is narrowest near \p at, between \p low and \p high; \p at
+/// The narrowest place of a piece of a line near \p at, between \p low and \p high; \p at
 /// where it is not wider on both sides.
 std::size_t waist_near(const std::vector<double>& radii, std::size_t at, std::size_t low,
                        std::size_t high)

@@ -17,7 +17,7 @@ struct LimbJoint
     int parent = -1;     ///< before it; -1: the root
     int limb = 0;        ///< from 1, one a branch or a pair of them; 0: the root
     double radius = 0.0; ///< of the shape around it
-    /// Of a symmetric shape 1 and -1 on either side of its mirror plane; 0 in the plane,
+    /// 1 or -1 on either side of the mirror plane of a symmetric shape; 0 in the plane,
     /// and of a limb that has no counterpart.
     int side = 0;
 };

@@ -159,7 +159,7 @@ private:
     {
         return std::find(limbs.begin(), limbs.end(), joint) != limbs.end();
     }
-    /// What is left behind a joint in the plane.
+    /// The number of limbs that are left behind a joint in the plane.
     int count_of_children(int joint) const
     {
         int count = 0;
@@ -180,7 +180,7 @@ private:
             return;
         const std::size_t had = children_[idx(joint)].size();
         int here = parent;
-        // Where limbs left of which none is here any more it was a joint for them alone.
+        // A joint that only limbs needed which are now elsewhere is none any more.
         if (parent < 0 || had < 2 || count_of_children(joint) > 1 || has_limb(joint))
         {
             LimbJoint copy = joints_[idx(joint)];

@@ -27,7 +27,7 @@
 namespace cellwarp
 {
 
-/// What of a scene is saved.
+/// The part of a scene that is saved.
 enum class SavedPart
 {
     All,
@@ -36,7 +36,7 @@ enum class SavedPart
     Poses
 };
 
-/// What becomes of edits that are not saved when a document is closed.
+/// The fate of unsaved edits when a document is closed.
 enum class Unsaved
 {
     Undo, ///< they are undone, and can be done again the next time
@@ -87,7 +87,7 @@ public:
     /// at a placement, or none.
     std::vector<Motion> joint_motions(const std::string& joint,
                                       const Placement& to) const;
-    /// Of the current stage, at rest; none: it has no skeleton.
+    /// The joints of the current stage at rest; none: it has no skeleton.
     std::vector<PosedJoint> joints_at_rest() const;
     /// How many frames are not among those that the scene's own keys stand for.
     std::size_t num_frames_without_key() const;

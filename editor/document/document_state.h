@@ -350,7 +350,7 @@ struct Document::State
     /// A rod or curve, to change what it is written as: not after a frame.
     const EditedRegion& line_to_change(const std::string& region) const;
     void change_line(const EditedRegion& region, const SplineStatement& line);
-    /// What a handle file says beside the scene, which says \p own_skeleton itself.
+    /// The statements of a handle file beside a scene that has \p own_skeleton.
     HandleFile handles_to_write(bool own_skeleton) const;
     /// How many frames the scene's keys do not stand for.
     std::size_t num_frames_without_key() const;

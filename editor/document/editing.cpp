@@ -39,7 +39,7 @@ bool is_finite(const Placement& placement)
            placement.axis.norm() > 0 && std::isfinite(placement.degrees);
 }
 
-/// Of models with more samples there is one prepared drag at a time: two of a million
+/// Models with more samples have one prepared drag at a time: two of a million
 /// samples take 700 MB.
 constexpr std::size_t kManySamples = 250'000;
 

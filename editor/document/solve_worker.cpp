@@ -24,7 +24,7 @@ namespace
 /// Points of the curve of energy at the most: as many as a small plot can show.
 constexpr std::size_t kCurve = 512;
 
-/// Of models with more samples freed memory goes back to the system after each solve.
+/// Memory of models with more samples goes back to the system after each solve.
 constexpr std::size_t kFreesAbove = 250'000;
 
 /// What a request that was given up says of itself.
@@ -57,7 +57,7 @@ struct SolveWorker::State
     std::optional<Session> session;
     std::shared_ptr<const RestShape> shape; ///< of the model, until it is in the session
     SceneFile session_scene;                ///< of both
-    /// Of the stage with this fingerprint; its results share it.
+    /// The rest places of the stage with this fingerprint; its results share them.
     std::shared_ptr<const std::vector<Eigen::Vector3d>> rest;
     std::uint64_t rest_fingerprint = 0;
 

@@ -19,7 +19,7 @@
 namespace cellwarp
 {
 
-/// What is known of a result.
+/// The figures of a result.
 struct ResultFigures
 {
     std::optional<FrameReport> report; ///< of the last frame

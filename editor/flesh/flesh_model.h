@@ -61,7 +61,7 @@ struct FleshModel
     Eigen::Vector3d direction_of(const Eigen::Vector3d& of_model) const;
 };
 
-/// Of flesh whose stiffness nobody tells, until it is known how far it sags [Pa].
+/// Stiffness of flesh without one, until it is known how far it sags [Pa].
 inline constexpr double kFirstYoung = 1e4;
 
 /// \p is_tight: linear systems to 1e-10 instead of 1e-3. Throws Fault::Malformed for what

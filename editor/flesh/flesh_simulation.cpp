@@ -205,7 +205,7 @@ SkeletonAim FleshSimulation::carried_by_root(const SkeletonAim& pose, FleshState
     for (std::size_t j = 0; j < model_->skeleton->size(); ++j)
         if (model_->skeleton->parent(j) < 0 && num_roots++ == 0)
             root = j;
-    // What is held at its place does not go along.
+    // Points that are held at their places do not go along.
     if (num_roots != 1 || !body_.held_points.whole.empty() ||
         !body_.held_points.guided.empty())
         return aim;

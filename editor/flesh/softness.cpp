@@ -19,7 +19,7 @@ namespace
 
 using Eigen::Vector3d;
 
-/// Where bones and held points have the material, at rest.
+/// The rest places of the points that bones and scenes hold.
 std::vector<Vector3d> places_held(const FleshBody& body)
 {
     std::vector<Vector3d> places;

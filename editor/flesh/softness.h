@@ -9,7 +9,7 @@
 namespace cellwarp
 {
 
-/// Of the place where the weight of what hangs beyond the held points is largest for the
+/// The place where the weight of the flesh beyond the held points is largest beside its
 /// stiffness.
 struct Softness
 {
@@ -32,8 +32,8 @@ inline constexpr double kSoftest = 3.0;
 double holding_stiffness(const FleshBody& body);
 inline constexpr double kSag = 0.02;
 
-/// Where flesh sags by more than kMuch of the diagonal in the scene's gravity, by small
-/// strain, adds a warning with the stiffness that would do.
+/// Adds a warning, with the stiffness that would do, if flesh sags by more than kMuch of
+/// the diagonal in the scene's gravity, by small strain.
 void warn_of_sag(FleshBody& body);
 inline constexpr double kMuch = 0.1;
 

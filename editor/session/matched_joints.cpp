@@ -35,7 +35,7 @@ constexpr double kShort = 0.12;
 /// are.
 constexpr double kClearly = 0.8;
 
-/// What a joint between two others costs that stays without one of the other skeleton
+/// The cost of a joint between two others that stays without one of the other skeleton
 /// [share of the way].
 constexpr double kUnmatched = 0.3;
 
@@ -70,7 +70,7 @@ public:
                 out.push_back(static_cast<int>(j));
         return out;
     }
-    /// Where a joint is in a skeleton of height 1 that stands on the origin.
+    /// The place of a joint in a skeleton of height 1 whose feet are at the origin.
     Vector3d share(int joint) const
     {
         const Vector3d size = box_.sizes();
@@ -95,7 +95,7 @@ public:
         up.insert(up.end(), down.rbegin(), down.rend());
         return up;
     }
-    /// Where the ways between three joints meet.
+    /// The joint at which the ways between three joints meet.
     int meeting(int a, int b, int c) const
     {
         const std::vector<int> one = way(a, b), other = way(a, c);
@@ -337,7 +337,7 @@ private:
     std::vector<int> ends_; ///< that are matched
 };
 
-/// What of a name counts: letters and numbers behind a colon, in lower case.
+/// The part of a name that counts: letters and numbers behind a colon, in lower case.
 std::string plain(const std::string& name)
 {
     std::string out;

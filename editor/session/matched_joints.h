@@ -14,7 +14,7 @@ namespace cellwarp
 
 struct MatchedJoints
 {
-    /// Of each joint the one of the other skeleton that it is; -1: none.
+    /// For each joint the one of the other skeleton that it is; -1: none.
     std::vector<int> of_other;
     /// How far the other skeleton is turned about y to look the same way: so many quarter
     /// turns.
@@ -27,7 +27,7 @@ struct MatchedJoints
 MatchedJoints matched_joints(const std::vector<SkeletonJoint>& joints,
                              const std::vector<SkeletonJoint>& other);
 
-/// Of each joint the number of its parent, or -1.
+/// The number of each joint's parent, or -1.
 std::vector<int> parents_of(const std::vector<SkeletonJoint>& joints);
 
 } // namespace cellwarp

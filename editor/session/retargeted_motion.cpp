@@ -232,7 +232,7 @@ private:
             if (own.norm() > 0.0 && its.norm() > 0.0)
                 bone.aligned = Quaterniond::FromTwoVectors(own, its);
         }
-        // What has no bone turns nothing.
+        // Joints without a bone turn nothing.
         for (Bone& bone : bones_)
             if (!bone.is_bone)
                 bone.source = -1;

@@ -88,8 +88,8 @@ std::shared_ptr<const SkeletonHandle>
 make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
                      const std::string& file);
 
-/// What a joint does from rest: its turn, in the axes of the rest pose as its parent has
-/// turned them, and its shift in these.
+/// The motion of a joint from rest: its turn, in the axes of the rest pose as its parent
+/// has turned them, and its shift in these.
 struct JointMotion
 {
     Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();

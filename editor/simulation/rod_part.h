@@ -124,7 +124,7 @@ private:
     const std::string path_, where_; ///< of the scene; "rods[0]"
     const Eigen::Vector3d origin_;
     PointSprings* springs_ = nullptr; ///< of the model's terms
-    /// Of each spring of the statement its stiffness in springs_, and its drag; -1: none.
+    /// The numbers of a statement's spring and of its drag in springs_; -1: none.
     struct SpringAt
     {
         int spring = -1, drag = -1;

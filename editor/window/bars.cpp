@@ -359,7 +359,7 @@ std::string at_rest(const EditorApp& app)
     return said + " of " + region.name + " (" + role_name(region.role) + ")";
 }
 
-/// What a command had to say, also where the panel that would show it is hidden.
+/// The notice of a command, also where the panel that would show it is hidden.
 const Notice* seen_notice(const EditorApp& app)
 {
     if (!app.panel.is_shown)

@@ -246,7 +246,7 @@ void Editor::handle(const InputEvent& event)
 
 void Editor::handle_events()
 {
-    // What follows the opening of a dialog is meant for it, and waits until it is there.
+    // Events after the opening of a dialog are meant for it, and wait until it is there.
     const int before = dialog();
     InputEvent event;
     while (!focus_.is_settling() && (dialog() == before || dialog() == 0) &&

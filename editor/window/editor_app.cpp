@@ -181,7 +181,7 @@ bool EditorApp::update()
     {
         const std::string path = opening_path_;
         std::error_code unknown;
-        // What is there but cannot be read now may be read another time.
+        // A file that cannot be read now may be read another time.
         if (!attempt(Place::Window, [&] { finish_opening(); }) &&
             !std::filesystem::exists(path, unknown) && !unknown)
             recent.forget(path);

@@ -35,9 +35,9 @@ public:
     bool is_working() const;
     /// Why no more frames come, or what is wrong with those there are; empty: nothing.
     std::string error() const;
-    /// What is seen of a frame. \pre frame < num_made()
+    /// The shape of a frame as it is seen. \pre frame < num_made()
     std::shared_ptr<const ShownShape> shape(std::int64_t frame) const;
-    /// What `cellwarp simulate` writes of it. \pre frame < num_made()
+    /// The samples that `cellwarp simulate` writes of it. \pre frame < num_made()
     std::shared_ptr<const DeformedSamples> deformed(std::int64_t frame) const;
 
 private:

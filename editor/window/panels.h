@@ -48,7 +48,7 @@ constexpr int kNumTools = 7;
 /// The bars around the view. The menu bar also gives its height [pixel].
 float show_menu_bar(EditorApp& app, PanelFocus& focus);
 void show_tool_column(EditorApp& app, const Layout& layout);
-/// What can be set about the active tool and the view, and what is played.
+/// Shows the settings of the active tool and of the view, and what is played.
 void show_tool_options(EditorApp& app);
 void show_status_bar(EditorApp& app);
 /// Over the view's lower edge while a film is played: its frames.

@@ -34,7 +34,7 @@ constexpr std::array<Words, 13> kWords = {
      {"--gap", "Gap (under Cells)"},
      {"--join", "'Join parts that touch' (under Cells)"},
      {"--thickness", "'thickness' of the scene's cells"}}};
-/// Where contact has not been asked for, it is what helps.
+/// The advice to turn contact on, after a warning that parts pass through each other.
 constexpr std::string_view kPassing = "parts pass through each other";
 constexpr std::string_view kContact = " (Contact, under Cells, keeps them apart)";
 

@@ -103,8 +103,8 @@ private:
     bool is_played_ = false;
     bool is_damaged_ = true; ///< its picture is gone, or has another size
     std::deque<InputEvent> events_;
-    /// Where the last motion left the pointer [pixel]; none: it has not moved yet, or the
-    /// window has been moved since.
+    /// The place where the last motion left the pointer [pixel]; none: it has not moved
+    /// yet, or the window has been moved since.
     std::optional<Eigen::Vector2d> pointer_;
     std::uint32_t down_ = 0; ///< buttons, a bit each
     Told told_;

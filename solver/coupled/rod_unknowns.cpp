@@ -160,7 +160,7 @@ void RodUnknowns::choose_taken(std::size_t rod)
     mark_taken(rod);
 }
 
-/// Of the steps of each control point, at the base.
+/// Axes of the steps of each control point, at the base.
 std::vector<Matrix3d> RodUnknowns::axes(std::size_t rod) const
 {
     std::vector<Matrix3d> axes;
@@ -194,7 +194,7 @@ const Eigen::SparseMatrix<double>& RodUnknowns::steps() const
         std::vector<int> point_of(idx(sizes_[rod]), -1);
         for (std::size_t k = 0; k < axes.size(); ++k)
             std::fill_n(point_of.begin() + layout.control[k], 3, static_cast<int>(k));
-        // What steps where an unknown is \p by, for the unknown \p column.
+        // The step of the unknown \p column where an unknown is \p by.
         const auto add = [&](int unknown, int column, double by)
         {
             const int k = point_of[idx(unknown)], first = first_[rod];

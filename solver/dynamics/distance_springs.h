@@ -43,7 +43,7 @@ public:
     void damp(const Eigen::VectorXd& begin, double gain);
     /// The energy and what the step has lost, but for a constant [J].
     double step_energy(const Eigen::VectorXd& x) const;
-    /// Of step_energy(). Returns the largest force [N].
+    /// Adds the gradient of step_energy(). Returns the largest force [N].
     double add_gradient(const Eigen::VectorXd& x, Eigen::VectorXd& out) const;
 
     /// How much of the second derivatives: what pushes has a negative part across.

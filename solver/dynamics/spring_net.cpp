@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What is pushed together has a negative part across, which is left out where it makes
+// Springs that are pushed together have a negative part across, left out where it makes
 // the whole indefinite.
 #include "solver/dynamics/spring_net.h"
 
@@ -159,7 +159,7 @@ SaddleSolver::Report SpringNet::factorize(const Eigen::VectorXd&, int& level)
                        : DistanceSprings::Curvature::WithoutPushes,
             [&](int row, int column, const Eigen::Matrix3d& B)
             {
-                // What stays keeps its place in the pattern.
+                // Entries that stay keep their places in the pattern.
                 const double share =
                     is_fast_[idx(row / 3)] || is_fast_[idx(column / 3)] ? 0.0 : 1.0;
                 for (int r = 0; r < 3; ++r)

@@ -106,8 +106,8 @@ public:
     void node_shares(const Eigen::Vector3d& x, const Nearest& nearest,
                      NodeShares& out) const;
 
-    /// What is known at the nodes, value and slope, carried to \p x, whose shares these
-    /// are. The gradient is left 0 unless it is wanted.
+    /// The values and slopes of the nodes carried to \p x, whose shares these are. The
+    /// gradient is left 0 unless it is wanted.
     FieldValue average(const Eigen::Vector3d& x, const NodeShares& shares,
                        std::span<const FieldValue> node_values,
                        bool wants_gradient = true) const;

@@ -37,7 +37,7 @@ using Eigen::VectorXd;
 constexpr double kLongStep = 300.0;
 constexpr int kMostRounds = 400;
 
-/// Of the systems: so much more than that of a step in time, and at the most.
+/// Tolerance of the systems: a multiple of that of a step in time, and at the most.
 constexpr double kLoose = 100.0, kMostTolerance = 0.1;
 
 /// A round may change the deformation F of a cell by this; where it would change it by

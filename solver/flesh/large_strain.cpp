@@ -259,7 +259,7 @@ public:
     }
 
 private:
-    /// Of the modes among themselves; \p C: with the weight of point \p k.
+    /// Adds the block of the modes; \p C: times the weight of point \p k.
     void add_modes(const Matrix9& C, std::size_t k, Matrix9& A) const
     {
         const Matrix3d& modes = points_.modes[k];

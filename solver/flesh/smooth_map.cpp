@@ -194,9 +194,9 @@ struct SmoothLevel
     std::vector<std::vector<int>>
         smaller; ///< of each box, the smaller cells that make it
     std::vector<std::pair<int, int>> glued; ///< the second one lies one edge higher
-    /// Of each box and axis, those glued to it below and above.
+    /// For each box and axis the boxes glued to it below and above.
     std::vector<std::array<std::vector<int>, 6>> beside;
-    /// Of all that boxes see: equal numbers are one corner.
+    /// The corners that each box sees: equal numbers are one corner.
     std::vector<std::array<std::int32_t, kSeen>> seen;
     std::vector<std::int32_t> first_place; ///< of each corner, and one for their end
     std::vector<std::int32_t> places;      ///< kSeen * box + what it sees, ascending
@@ -461,7 +461,7 @@ private:
             }
         }
         see_through_others(level, number);
-        // What no box has is one where both of two glued ones see nothing.
+        // A corner that no box has is one for two glued boxes that both see none there.
         UnionFind beyond(kSeen * num_boxes);
         const auto element = [](int box, const Vector3i& place)
         { return kSeen * box + number_of(place); };
@@ -711,7 +711,7 @@ private:
         return shares_of(lattice_.cells[idx(nearest)], lattice_.hanging, local_there);
     }
 
-    /// What the map of a level takes at a place of a box.
+    /// The shares of slots in the map of a level at a place of a box.
     NodeShares map_at(std::size_t level, int box, const Vector3d& local)
     {
         const Vector3i middle = middle_of(local);
@@ -766,7 +766,7 @@ private:
         return slot_of(std::move(row));
     }
 
-    /// What continues the coefficients of the two next corners along an axis: the mean of
+    /// Continues the coefficients of the two next corners along an axis: the mean of
     /// all ways from where it is seen with the fewest coordinates beyond a box.
     std::int32_t coefficient_beyond(std::size_t number, int corner)
     {

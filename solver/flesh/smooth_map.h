@@ -61,7 +61,7 @@ private:
         Eigen::Vector3d local;
         std::size_t number = 0; ///< as it was given
     };
-    /// Where maps of several boxes count (smooth_map.cpp, "Forks"): one of them.
+    /// One of several maps that count at a place (smooth_map.cpp, "Forks").
     struct Term
     {
         Slots slots;

@@ -300,7 +300,7 @@ protected:
             out += load(share[j], l_) * leg_[j];
         return out;
     }
-    /// Of a stretch place, less that at rest.
+    /// The strain of a stretch place, less that at rest.
     Lanes strain(int k, const Lanes& length) const
     {
         return length / load(spans_.stretch_sigma[k], l_) - 1.0 -

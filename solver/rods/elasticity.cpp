@@ -294,7 +294,7 @@ private:
         out.is_plain = false;
         return out;
     }
-    /// What forces are made of.
+    /// The strains that forces are made of.
     ElasticKind kind() const { return damped_.empty() ? kind_ : framed(); }
     const std::vector<ElasticSpans<M>>& groups() const
     {

@@ -127,7 +127,7 @@ InnerForces::InnerForces(const RodState& state) : state_(state)
             piece.slope.add(piece.bending.at.front(), Vector3d::Zero());
 }
 
-/// What ends at the seam of a closed rod goes on at its begin.
+/// Continues forces that end at the seam of a closed rod at its begin.
 void InnerForces::join_at_seam()
 {
     const Rod& rod = state_.rod();

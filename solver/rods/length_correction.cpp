@@ -21,7 +21,7 @@ void LengthCorrection::factorize(const RodState& base,
 {
     matrix_.set_zero();
     elasticity_->add_hessian(base, RodHessian::Definite, matrix_);
-    // What nothing holds stays.
+    // Unknowns that nothing holds stay.
     constexpr double kStay = 1e-9; // of the largest
     double largest = 0.0;
     for (int k = 0; k < matrix_.rows(); ++k)

@@ -120,8 +120,8 @@ double RodStepper::largest_step(const RodState& state) const
         largest = now;
     }
     const double omega = std::sqrt(std::max(largest, 0.0));
-    // What is damped by zeta leaves the stable region by the least radius of that to the
-    // left, or along the real axis.
+    // A mode that is damped by zeta leaves the stable region by the least radius of that
+    // to the left, or along the real axis.
     constexpr double kLimit = 2.785, kLeast = 2.62;
     const double zeta = 0.5 * model_.damping * omega;
     double step = 1e300;

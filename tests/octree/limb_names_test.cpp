@@ -65,7 +65,7 @@ TEST(LimbNames, left_is_to_the_left_of_where_the_feet_point)
 {
     const std::vector<LimbJoint> joints = person(-1.0);
     EXPECT_EQ(named(joints, limb_names(joints), "arm.2.L"), Vector3d(-0.8, 1.5, 0));
-    // Of feet that point nowhere the side of x.
+    // Feet that point nowhere leave the side of x.
     const std::vector<LimbJoint> still = person(0.0);
     EXPECT_EQ(named(still, limb_names(still), "arm.2.L"), Vector3d(0.8, 1.5, 0));
     // The same person in a space whose z is up, looking along -y.

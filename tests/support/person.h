@@ -10,7 +10,7 @@ namespace cellwarp::support
 struct Person
 {
     Shape shape; ///< closed; the feet at y = 0, looking along z, about 1.75 high
-    /// Of the right side of the body (x < 0); the left ones are mirrored.
+    /// Joints of the right side of the body (x < 0); the left ones are mirrored.
     Eigen::Vector3d shoulder, elbow, hand, hip, knee, ankle, toe;
     Eigen::Vector3d pelvis, chest, head, mouth; ///< in the plane
 };

@@ -1092,7 +1092,7 @@ TEST(Document, kept_edits_are_there_the_next_time_and_not_asked_for)
         EXPECT_EQ(document.history().size(), 4u);
         EXPECT_EQ(document.regions().size(), 2u);
         EXPECT_FALSE(document.is_saved());
-        // What is saved leaves nothing to keep.
+        // A saved document leaves nothing to keep.
         document.save(folder / "s.json");
         document.close("", Unsaved::Keep);
     }

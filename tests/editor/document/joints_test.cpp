@@ -110,7 +110,7 @@ TEST(Joints, are_seen_at_rest_at_once_and_their_keys_are_solved_when_somebody_as
     editing.wait();
     ASSERT_NE(editing.result(), nullptr) << editing.status().error;
     EXPECT_GT((place(2) - Vector3d(0, 0, 4)).norm(), 1.0);
-    // What the hand takes is asked for, too, and so is every edit.
+    // A drag asks for a solve, and so does every edit.
     Editing second(limb.open());
     EXPECT_TRUE(second.begin_drag("foot"));
     EXPECT_FALSE(second.is_unsolved());

@@ -477,7 +477,7 @@ TEST(FleshDetail, regions_that_a_change_does_not_touch_keep_their_factor)
     bar.time = R"("duration": 1, "gravity": [0, 0, 0])";
     const auto simulation = bar.start();
     simulation->next_frame();
-    // Of the first step, by implicit Euler, and of the others, by BDF2.
+    // The first step, by implicit Euler, has its own factors beside those of BDF2.
     EXPECT_EQ(simulation->report().factors, 4);
     simulation->pull(FleshPull{0, {-0.1, -0.5, -0.5}});
     simulation->next_frame();

@@ -282,7 +282,7 @@ TEST(FleshSimulation, without_a_stiffness_the_shape_holds_in_its_weight)
     for (std::size_t i = 0; i < now.samples.size(); ++i)
         most = std::max(most, (now.samples[i] - hangs->geometry().samples[i]).norm());
     EXPECT_NEAR(most / std::sqrt(1.0 + 1.0 + 16.0), 0.02, 0.003);
-    // Of gravity it does not depend, and told it is as good.
+    // It does not depend on gravity, and the same E in the scene does the same.
     bar.more = "";
     bar.skeleton.replace(bar.skeleton.find("true"), 4, "false");
     EXPECT_EQ(bar.start()->body().model->materials[0].young, materials[0].young);

@@ -115,7 +115,7 @@ TEST(PushingSplines, a_bar_bent_along_an_arc_has_the_energy_of_its_rod_as_well)
 
 TEST(PushingSplines, a_rod_of_more_spans_takes_about_as_many_iterations)
 {
-    // What turns a slender rod stretches it to second order, the shorter its spans are
+    // A turn of a slender rod stretches it to second order, the shorter its spans are
     // the sooner.
     const auto solve_of = [](int spans)
     {

@@ -121,7 +121,7 @@ TEST(Film, frame_that_is_seen_is_the_one_that_is_exported)
     // The field is of what is edited.
     EXPECT_TRUE(contains(editing.why_no_field_export(), "a film is seen"));
     EXPECT_THROW(editing.export_field(scene.folder / "f.cwf", Overwrite::Yes), Error);
-    // What moves on by itself is not written.
+    // A film that moves on by itself is not written.
     editing.show_instead(film.shape(4));
     EXPECT_TRUE(contains(editing.why_no_export(), "moves on"));
     EXPECT_TRUE(

@@ -72,7 +72,7 @@ TEST(DistanceSprings, derivatives_are_those_of_differences_in_damped_steps_as_we
                 EXPECT_LT(((ahead - behind) / (2.0 * h) - H * step).norm(),
                           1e-6 * H.norm());
             }
-            // What does not push has no negative part.
+            // Springs that do not push have no negative part.
             const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
                 dense(springs, x, DistanceSprings::Curvature::WithoutPushes));
             EXPECT_GT(eigen.eigenvalues()[0], -1e-12 * H.norm());

@@ -134,7 +134,7 @@ TEST(Elasticity, forces_of_a_damped_step_are_those_of_what_it_loses)
                 (term->step_value(ahead) - term->step_value(behind)) / (2.0 * h);
             EXPECT_NEAR(force.dot(step), slope, 1e-6 * force.norm() * step.norm());
 
-            // Where a step begins nothing has been lost yet.
+            // At the begin of a step nothing has been lost yet.
             Eigen::VectorXd damped = Eigen::VectorXd::Zero(step.size()), plain = damped;
             term->add_gradient(begin, damped);
             term->damp(begin, 0.0);

@@ -45,7 +45,7 @@ TEST(LengthCorrection, takes_back_what_a_step_stretches_and_keeps_what_holds_the
                   2.0 * size * size);
         EXPECT_LT(model.violations(corrected).lpNorm<Eigen::Infinity>(), 1e-12);
     }
-    // Of second order: with half the step a quarter.
+    // It is of second order: with half the step a quarter.
     const double of_one = (bent(0.02, true).x() - bent(0.02, false).x()).norm(),
                  of_half = (bent(0.01, true).x() - bent(0.01, false).x()).norm();
     EXPECT_NEAR(of_one / of_half, 4.0, 0.05);
