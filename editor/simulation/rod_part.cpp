@@ -441,7 +441,7 @@ void RodPart::hold_at(double time, double share)
     set_loads(time);
     for (Held& held : held_)
     {
-        const Motion motion = motion_at(*held.keys, time, held.place, share);
+        const Motion motion = motion_of(held, time, share);
         spin(held, motion.R);
         bring(held, motion(held.place), motion.R, Eigen::Vector3d::Zero(),
               Eigen::Vector3d::Zero());
@@ -463,8 +463,8 @@ void RodPart::lead(const KeyTime& from, const KeyTime& to)
     {
         if (held.keys->empty())
             continue;
-        const Motion begin = motion_at(*held.keys, from.time, held.place, from.share),
-                     end = motion_at(*held.keys, to.time, held.place, to.share);
+        const Motion begin = motion_of(held, from.time, from.share),
+                     end = motion_of(held, to.time, to.share);
         const Eigen::Vector3d place = begin(held.place);
         ways.push_back({&held, begin, place, end(held.place) - place,
                         rotation_vector(end.R * begin.R.transpose())});
@@ -534,7 +534,17 @@ void RodPart::set_loads(double time)
     }
 }
 
-/// Holds that act at a time and did not take the place as it is at \p begin [s].
+/// The motion of a hold by its keys, from where it began.
+Motion RodPart::motion_of(const Held& held, double time, double share) const
+{
+    const Motion motion = motion_at(*held.keys, time, held.place, share);
+    const Eigen::Matrix3d R = motion.R * held.opened.R.transpose();
+    const Eigen::Vector3d way = motion(held.place) - held.opened(held.place);
+    return {R, held.place + way - R * held.place};
+}
+
+/// Lets holds begin that act at a time, with the rod as it is at \p begin [s], and ends
+/// those that do not act.
 void RodPart::open_holds(double time, double begin)
 {
     for (Held& held : held_)
@@ -552,7 +562,8 @@ void RodPart::open_holds(double time, double begin)
         held.second = at.second;
         held.bend = bend_at(s);
         held.frame = state.frame(s);
-        held.R = motion_at(*held.keys, begin, held.place, 1.0).R;
+        held.opened = motion_at(*held.keys, begin, held.place, 1.0);
+        held.R.setIdentity();
         if (RodConstraint* const one = spin_of(held))
         {
             one->direction = held.frame.col(0);

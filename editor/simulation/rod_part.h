@@ -141,7 +141,9 @@ private:
         Eigen::Vector3d second, bend; ///< of the curve: derivative, curvature [1/m]
         std::string key;
         Eigen::Matrix3d R = Eigen::Matrix3d::Identity(); ///< how far keys have turned it
+        Motion opened = {}; ///< of its keys where it began; none if it always acts
     };
+    Motion motion_of(const Held& held, double time, double share) const;
     void bring(const Held& held, const Eigen::Vector3d& place, const Eigen::Matrix3d& R,
                const Eigen::Vector3d& speed, const Eigen::Vector3d& turning);
     void spin(Held& held, const Eigen::Matrix3d& R);

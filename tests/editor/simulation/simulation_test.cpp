@@ -1607,6 +1607,17 @@ TEST(Simulation, holds_begin_where_the_rod_is_then_and_end)
             (caught->rods(2)[0].curve.front() - (place + Eigen::Vector3d(0, 0, 0.01)))
                 .norm(),
             1e-9);
+        // Keys that began before move it by what is left of them, without a jump.
+        const auto late = run(R"("from": 0.05, "keys": [{"time": 0},
+            {"time": 0.1, "translate": [0,0,0.02], "rotate": [0,0,1,60]}])");
+        go_on(*late, half);
+        const Eigen::Vector3d then = late->rods(2)[0].curve.front();
+        go_on(*late, half + 1);
+        EXPECT_LT((late->rods(2)[0].curve.front() - then).norm(), 2e-3);
+        go_on(*late, 2 * half);
+        EXPECT_LT((late->rods(2)[0].curve.front() - (then + Eigen::Vector3d(0, 0, 0.01)))
+                      .norm(),
+                  1e-9);
     }
     // In statics they are what they are at the end.
     EXPECT_TRUE(contains(error_of(Fault::Malformed,
