@@ -244,14 +244,30 @@ void Editor::handle(const InputEvent& event)
     }
 }
 
+namespace
+{
+
+/// In the frame that it is shown to the panels.
+bool may_end_dialog(const InputEvent& event)
+{
+    return event.kind == InputEvent::Kind::Release ||
+           (event.kind == InputEvent::Kind::KeyDown &&
+            (event.key.key == Key::Escape || event.key.key == Key::Enter));
+}
+
+} // namespace
+
 void Editor::handle_events()
 {
-    // Events after the opening of a dialog are meant for it, and wait until it is there.
-    const int before = dialog();
+    // Events after the opening of a dialog are meant for it, and wait until it is there;
+    // those after its end are not, and wait until it is gone.
     InputEvent event;
-    while (!focus_.is_settling() && (dialog() == before || dialog() == 0) &&
-           window_.take(event))
+    while (!focus_.is_settling(dialog()) && window_.take(event))
+    {
         app_.guard([&] { handle(event); });
+        if (dialog() != 0 && may_end_dialog(event))
+            break;
+    }
 }
 
 /// Between the view and the panel: a drag makes the panel wider, narrower or hidden.

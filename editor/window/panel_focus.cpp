@@ -21,6 +21,8 @@ constexpr std::array<const char*, 5> kParts = {"tools", "options", "panels", "fi
 
 /// ImGui gives a text field the keyboard in the third frame of its dialog.
 constexpr int kFramesToSettle = 4;
+/// And takes a dialog that is closed for a popup until the second frame.
+constexpr int kFramesToClose = 2;
 
 ImGuiWindow* window_of(int part)
 {
@@ -181,8 +183,8 @@ void PanelFocus::prepare_frame(int dialog)
         io.ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
     else
         io.ConfigFlags &= ~ImGuiConfigFlags_NavEnableKeyboard;
-    if (dialog != 0 && dialog != dialog_)
-        frames_to_settle_ = kFramesToSettle;
+    if (dialog != dialog_)
+        frames_to_settle_ = dialog != 0 ? kFramesToSettle : kFramesToClose;
     dialog_ = dialog;
     // ImGui presses with the space bar alone.
     if (navigates && (io.KeysDown[io.KeyMap[ImGuiKey_Enter]] ||
@@ -198,7 +200,8 @@ void PanelFocus::enter_wanted()
     if (frames_to_settle_ > 0)
     {
         --frames_to_settle_;
-        mark_control();
+        if (dialog_ != 0 || has_menu() || is_inside_)
+            mark_control();
         // A menu that takes the place of another one has no first item yet.
         const bool is_popup =
             g.NavWindow != nullptr && (g.NavWindow->Flags & ImGuiWindowFlags_Popup) != 0;

@@ -38,8 +38,12 @@ public:
     void panels_shown();
 
     /// A menu or dialog has just been opened, and its first control does not have the
-    /// keyboard yet: events have to wait.
-    bool is_settling() const { return frames_to_settle_ > 0 || wanted_menu_; }
+    /// keyboard yet; or a dialog has just been closed, and still has the input. Events
+    /// have to wait. \p dialog: that is open now, as for prepare_frame().
+    bool is_settling(int dialog) const
+    {
+        return frames_to_settle_ > 0 || wanted_menu_ || dialog != dialog_;
+    }
 
     /// The menu of the menu bar to open in this frame: F10 asks for the first, and
     /// wish_menu() for another one.

@@ -92,9 +92,11 @@ TEST(SkinnedFile, what_is_read_again_is_what_was_written)
     ASSERT_EQ(weights.num_samples(), rig.geometry.samples.size());
     for (std::size_t j = 0; j < weights.joints.size(); ++j)
         if (weights.joints[j] == "knee")
+        {
             for (std::size_t i = 0; i < rig.shares.size(); ++i)
                 EXPECT_NEAR(weights.values[i * weights.joints.size() + j],
                             rig.shares[i].shares[1], 1e-6);
+        }
 }
 
 TEST(SkinnedFile, numbers_beyond_single_precision_are_refused)

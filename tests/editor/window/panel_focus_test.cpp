@@ -79,7 +79,7 @@ TEST_F(PanelFocusWindow, escape_closes_a_menu)
 TEST_F(PanelFocusWindow, menus_are_reached_by_keys)
 {
     // Edit > Undo, from File by the arrow to the right.
-    EXPECT_EQ(handles_after("key a\nkey j\nkey f10\nkey right\nframes 3\nkey enter\n"
+    EXPECT_EQ(handles_after("key a\nkey j\nkey f10\nkey right\nkey down\nkey enter\n"
                             "frames 2\n"),
               "");
     // From File to the left: Help, whose only line shows the keys.
