@@ -114,11 +114,10 @@ std::string bending(const std::string& folder)
            "tool box\n"
            "drag 0.01vw 0.2vh 0.2vw 0.8vh 5\nkey j\n"
            "tool box\n"
-           "drag 0.99vw 0.2vh 0.8vw 0.8vh 5\nkey h\nkey a alt\nwait\n"
+           "drag 0.99vw 0.2vh 0.8vw 0.8vh 5\nkey h\nkey a alt\ntool move\nwait\n"
            "shot " +
            folder +
            "/regions.ppm\n"
-           "tool move\n"
            "drag 0.905vw 0.58vh 0.8vw 0.28vh 12\nwait\n"
            "shot " +
            folder + "/bent.ppm\n";
