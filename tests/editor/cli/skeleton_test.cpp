@@ -188,7 +188,8 @@ TEST(SkeletonCli, bones_of_what_should_swing_are_left_out)
         const Result result = run(words);
         EXPECT_EQ(result.code, 0) << result.err;
         std::vector<std::string> out;
-        for (const Json& joint : Json::parse(result.out)["skeleton"]["joints"])
+        const Json scene = Json::parse(result.out);
+        for (const Json& joint : scene["skeleton"]["joints"])
             out.push_back(joint["name"].get<std::string>());
         return out;
     };
