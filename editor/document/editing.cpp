@@ -120,7 +120,8 @@ struct Editing::State
         rest.version = ++version;
         rest.lines = shown_joints(document.joints_at_rest(), view);
         result_shape = shape = rest;
-        if (opens_at_rest(document))
+        // Edits that an earlier run kept are to be seen.
+        if (opens_at_rest(document) && document.is_saved())
             unasked = document.result_revision();
     }
     /// All threads end at the same time, not one after the other.
