@@ -31,7 +31,7 @@ struct TimeWindow
     bool is_open(double time) const { return from <= time && !(until && time > *until); }
 };
 
-/// How large something is at a time; linear between two of them.
+/// A size at a time; between two of them it is linear.
 struct SizeKey
 {
     double time = 0.0, size = 1.0; ///< [s], a share

@@ -13,8 +13,7 @@
 namespace cellwarp
 {
 
-/// How much up to four joints have of a sample: numbers of joints, and shares that sum to
-/// 1.
+/// Up to four joints that carry a sample: their numbers, and shares that sum to 1.
 struct SkinShares
 {
     std::array<std::uint16_t, 4> joints{};

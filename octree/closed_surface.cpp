@@ -31,8 +31,8 @@ constexpr double kMostOpenEdges = 0.25;
 constexpr std::array kBallsAroundTriangles = {1.0 / 100.0, 1.0 / 40.0, 1.0 / 16.0};
 constexpr std::array kBallsAroundSamples = {1.0 / 40.0, 1.0 / 20.0, 1.0 / 10.0};
 
-/// How far away a wrap is [diagonal], at least so much of its ball; and how large the
-/// ball is at least where it rolls on samples alone [their spacings].
+/// The distance of a wrap from the samples [diagonal], its least share of the ball's
+/// radius, and the least ball where it rolls on samples alone [their spacings].
 constexpr double kOffset = 1.0 / 400.0, kOffsetOfBall = 0.05, kSpacings = 3.0;
 
 double diagonal_of(const std::vector<Eigen::Vector3d>& samples)

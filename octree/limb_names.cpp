@@ -178,7 +178,7 @@ private:
                 base_[number] = part + std::to_string(++count);
     }
 
-    /// Which LimbJoint::side is the left one.
+    /// Finds the LimbJoint::side that is the left one.
     void find_left()
     {
         Vector3d normal = Vector3d::Zero();

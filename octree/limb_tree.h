@@ -32,7 +32,7 @@ struct LimbOptions
     int bones = 2;
 };
 
-/// How long a straight piece of a limb is that gets several bones, in radii.
+/// A straight piece of a limb that is longer than this gets several bones [radii].
 inline constexpr double kLongBone = 6.0;
 
 /// Joints along the centre lines of \p shape, parents first; the root is the branching

@@ -24,7 +24,7 @@ namespace
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// How many samples are mirrored to improve a plane, and to judge it.
+/// Numbers of samples that are mirrored to improve a plane, and to judge it.
 constexpr std::size_t kToImprove = 400, kToJudge = 3000;
 
 /// Rounds at the most; they end where the plane moves less than kPlaneStill (of its
@@ -62,7 +62,7 @@ Vector3d mean_place(const std::vector<Vector3d>& points)
     return sum / static_cast<double>(points.size());
 }
 
-/// How well a plane mirrors samples.
+/// The quality of a mirror plane.
 struct MirrorFit
 {
     double share = 0.0; ///< of samples that have an image

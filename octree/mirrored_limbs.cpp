@@ -120,7 +120,7 @@ private:
         return has;
     }
 
-    /// Which limbs are there with an image, and which alone.
+    /// Chooses the limbs that get an image, and those that stay alone.
     void choose()
     {
         std::vector<int> left, right;

@@ -66,7 +66,7 @@ bool is_named(const std::string& joint, const std::string& name)
     return k == of_name.size();
 }
 
-/// Which joints a flag names. Throws where it names none, or the root.
+/// Marks the joints that a flag names. Throws where it names none, or the root.
 std::vector<char> named_by(const std::string& flag, const std::vector<std::string>& names,
                            const std::vector<std::string>& joints)
 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How much the joints of a skeleton have of a model's samples, by distance.
+// Shares of a skeleton's joints in the samples of a model, by distance.
 #pragma once
 
 #include <vector>

@@ -89,7 +89,7 @@ public:
                                       const Placement& to) const;
     /// The joints of the current stage at rest; none: it has no skeleton.
     std::vector<PosedJoint> joints_at_rest() const;
-    /// How many frames are not among those that the scene's own keys stand for.
+    /// Number of frames that no key of the scene states.
     std::size_t num_frames_without_key() const;
     /// Whether the scene says the poses itself: as keys of its skeleton.
     bool has_keys_of_scene() const;

@@ -352,7 +352,7 @@ struct Document::State
     void change_line(const EditedRegion& region, const SplineStatement& line);
     /// The statements of a handle file beside a scene that has \p own_skeleton.
     HandleFile handles_to_write(bool own_skeleton) const;
-    /// How many frames the scene's keys do not stand for.
+    /// Document::num_frames_without_key().
     std::size_t num_frames_without_key() const;
     JournalHeader header() const;
     void start_history();

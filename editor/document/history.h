@@ -48,9 +48,8 @@ public:
     /// content() at the last close() before this history was opened; none: there was
     /// none.
     std::optional<std::uint32_t> closed_content() const { return closed_content_; }
-    /// How a journal ended: with the word of its last close() or keep() (none: of
-    /// neither), how many edits have come after its last close(), and whether keep()
-    /// ended it.
+    /// The end of a journal: the word of its last close() or keep() (none: of neither),
+    /// the number of edits after its last close(), and whether keep() ended it.
     struct End
     {
         std::optional<std::string> word;

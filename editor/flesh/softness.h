@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How soft flesh is for its weight: whether there is a rest worth finding.
+// The softness of flesh beside its weight: whether there is a rest worth finding.
 #pragma once
 
 #include <string>

@@ -152,8 +152,9 @@ private:
     Eigen::AlignedBox3d box_;
 };
 
-/// Which of the second places belongs to each of the first ones, -1 where these are more;
-/// of nearly the least sum of distances: the nearest pair first, then exchanges.
+/// For each of the first places one of the second, -1 where these are fewer; of nearly
+/// the least sum of distances, which is returned too: the nearest pair first, then
+/// exchanges.
 std::pair<double, std::vector<int>> nearest_pairs(const std::vector<Vector3d>& first,
                                                   const std::vector<Vector3d>& second)
 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which joint of one skeleton is which of another. matched_joints.cpp tells how they are
-// found.
+// The joints of two skeletons that correspond to each other. matched_joints.cpp has the
+// method.
 #pragma once
 
 #include <string>
@@ -16,8 +16,7 @@ struct MatchedJoints
 {
     /// For each joint the one of the other skeleton that it is; -1: none.
     std::vector<int> of_other;
-    /// How far the other skeleton is turned about y to look the same way: so many quarter
-    /// turns.
+    /// Quarter turns about y after which the other skeleton looks the same way.
     int quarter_turns = 0;
 };
 

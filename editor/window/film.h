@@ -18,8 +18,8 @@ public:
     /// Whether a document has something to play: rods that carry its model, or flesh.
     static bool is_in(const Document& document);
 
-    /// Whose poses are played, where that may be others than those that are edited: the
-    /// flesh of a scene follows the keys of its file. Empty: what is edited.
+    /// Words for the poses that are played if these may differ from the edited ones: the
+    /// flesh of a scene follows the keys of its file. Empty: the edited ones are played.
     static std::string poses_of(const Document& document);
 
     /// Begins to make the frames of a document as it is now. \pre is_in()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which keys and clicks belong to menus, panels and dialogs instead of the view. The
-// window works without a mouse: F10 opens the menus, F6 goes from part to part.
+// Decides which keys and clicks belong to menus, panels and dialogs instead of the view.
+// The window works without a mouse: F10 opens the menus, F6 goes from part to part.
 #pragma once
 
 #include <optional>

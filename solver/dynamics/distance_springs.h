@@ -46,7 +46,8 @@ public:
     /// Adds the gradient of step_energy(). Returns the largest force [N].
     double add_gradient(const Eigen::VectorXd& x, Eigen::VectorXd& out) const;
 
-    /// How much of the second derivatives: what pushes has a negative part across.
+    /// The part of the second derivatives that is taken: springs that push have a
+    /// negative part across.
     enum class Curvature
     {
         Exact,
@@ -74,7 +75,7 @@ public:
     /// stretched to second order.
     void add_correction(const Eigen::VectorXd& before, const Eigen::VectorXd& after,
                         const Eigen::VectorXd& step, Eigen::VectorXd& out) const;
-    /// How far \p step turns one, at the most [rad].
+    /// The largest turn of a spring by \p step [rad].
     double turn(const Eigen::VectorXd& x, const Eigen::VectorXd& step) const;
 
 private:

@@ -102,8 +102,8 @@ public:
                        Weighs weighs = Weighs::Yes, const FleshSurroundings& around = {},
                        double at_rest = 1e-7);
 
-    /// How far each node sags in a weight of this gravity [m/s^2], held where it is at
-    /// rest, by small strain: displacements [m]. What nothing holds falls far.
+    /// Displacements of the nodes in a weight of this gravity [m], held at their rest, by
+    /// small strain. \p gravity: [m/s^2]. Parts that nothing holds fall far.
     Eigen::VectorXd sag(const Eigen::Vector3d& gravity, std::span<const Motion> at_rest);
 
     struct Energies

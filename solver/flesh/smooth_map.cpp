@@ -77,7 +77,7 @@ bool is_seen(const Vector3i& place)
 {
     return (place.array() >= -1).all() && (place.array() <= 2).all();
 }
-/// How many of the coordinates lie beyond the box.
+/// Number of coordinates that lie beyond the box.
 int num_beyond(const Vector3i& place)
 {
     return static_cast<int>((place.array() < 0 || place.array() > 1).count());
