@@ -219,6 +219,8 @@ std::string moved_scene_text(const std::string& text, const std::string& from,
             move_name(skeleton, key);
         if (skeleton.contains("lattice") && skeleton["lattice"] != "octree")
             move_name(skeleton, "lattice");
+        if (skeleton.contains("motion"))
+            move_name(skeleton["motion"], "file");
     }
     for (const char* key : {"obstacles", "contact"})
         if (json.contains(key) && json[key].is_array())

@@ -288,7 +288,9 @@ void Interaction::State::press(Button button, const Modifiers& with)
     }
     if ((current<Choice>() || current<PivotDrag>()) && button == Button::Right)
         return cancel();
-    finish_selecting();
+    const std::optional<CameraMotion> motion = camera_motion(navigation, button, with);
+    if (!motion || !is_idle()) // the view turns while neighbours are still being found
+        finish_selecting();
     if (!is_idle())
         return;
     if (!picker.is_ready()) // of a shape that has just been opened
@@ -296,7 +298,7 @@ void Interaction::State::press(Button button, const Modifiers& with)
     const std::optional<Picked> picked = picker.pick(camera.ray(pixel));
     const auto depth =
         picked ? std::optional(picked->point) : std::optional<Eigen::Vector3d>();
-    if (const auto motion = camera_motion(navigation, button, with))
+    if (motion)
     {
         gesture = Look{*motion, button, pixel, pixel, depth};
         return;

@@ -71,26 +71,26 @@ double DistanceSprings::stiffest() const
     return most;
 }
 
-double DistanceSprings::energy(const Eigen::VectorXd& x) const
+double DistanceSprings::energy_with(const Eigen::VectorXd& x, double Spring::*stiffness,
+                                    double Spring::*length) const
 {
     double sum = 0.0;
     for (const Spring& spring : springs_)
     {
-        const double longer = way(spring, x).norm() - spring.length;
-        sum += 0.5 * spring.stiffness * longer * longer;
+        const double longer = way(spring, x).norm() - spring.*length;
+        sum += 0.5 * spring.*stiffness * longer * longer;
     }
     return sum;
 }
 
+double DistanceSprings::energy(const Eigen::VectorXd& x) const
+{
+    return energy_with(x, &Spring::stiffness, &Spring::length);
+}
+
 double DistanceSprings::step_energy(const Eigen::VectorXd& x) const
 {
-    double sum = 0.0;
-    for (const Spring& spring : springs_)
-    {
-        const double longer = way(spring, x).norm() - spring.rest;
-        sum += 0.5 * spring.hard * longer * longer;
-    }
-    return sum;
+    return energy_with(x, &Spring::hard, &Spring::rest);
 }
 
 void DistanceSprings::damp(const Eigen::VectorXd& begin, double gain)

@@ -88,6 +88,8 @@ private:
     {
         return along(spring.way, x) - spring.from;
     }
+    double energy_with(const Eigen::VectorXd& x, double Spring::*stiffness,
+                       double Spring::*length) const;
     Eigen::Matrix3d second_derivatives(const Spring& spring, const Eigen::VectorXd& x,
                                        Curvature how) const;
 

@@ -67,6 +67,25 @@ TEST(SceneFile, what_is_for_simulate_is_left_to_it)
         EXPECT_TRUE(contains(warning, "is for cellwarp simulate, ignored")) << warning;
 }
 
+TEST(SceneFile, a_scene_that_moves_to_another_folder_names_the_same_files)
+{
+    const std::string text = with(R"("obstacles": [{"mesh": "wall.obj"}],
+        "skeleton": {"file": "walk.glb", "animation_file": "more.glb",
+            "weights": "/home/w.txt", "lattice": "sub/l.mesh",
+            "motion": {"file": "run.bvh"}}, "mine": "kept.txt")");
+    const std::string moved = moved_scene_text(text, "there/s.json", "here/t.json");
+    for (const char* name :
+         {R"("mesh": "../there/wall.obj")", R"("file": "../there/walk.glb")",
+          R"("animation_file": "../there/more.glb")", R"("weights": "/home/w.txt")",
+          R"("lattice": "../there/sub/l.mesh")", R"("file": "../there/run.bvh")",
+          R"("mine": "kept.txt")"})
+        EXPECT_TRUE(contains(moved, name)) << name << moved;
+    EXPECT_EQ(moved_scene_text(text, "a/s.json", "a/s.json"), text);
+    const std::string octree = with(R"("skeleton": {"lattice": "octree"})");
+    EXPECT_TRUE(contains(moved_scene_text(octree, "a/s.json", "b/s.json"),
+                         R"("lattice": "octree")"));
+}
+
 TEST(SceneFile, unknown_keys_are_named_in_warnings)
 {
     const SceneFile scene = parse_scene(

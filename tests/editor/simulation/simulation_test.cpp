@@ -1423,6 +1423,26 @@ TEST(Simulation, bodies_and_nets_go_without_rods)
         EXPECT_TRUE(p.allFinite());
 }
 
+namespace
+{
+
+/// \p pushed(rule, times): the momentum that a force of 2 N, in its times, leaves after
+/// 0.1 s.
+template <class Pushed>
+void expect_impulses(const Pushed& pushed, double near)
+{
+    const std::string ramp =
+                          R"("keys": [{"time": 0, "size": 0}, {"time": 0.1, "size": 1}])",
+                      window = R"("from": 0.02, "until": 0.06)";
+    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", ramp), 0.1, near);
+    EXPECT_NEAR(pushed(R"(midpoint", "dt": 1e-3)", ramp), 0.1, near);
+    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", ramp), 0.1 * 1.01, near);
+    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", window), 0.08, 3e-4);
+    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", window), 0.08, 3e-3);
+}
+
+} // namespace
+
 TEST(Simulation, loads_begin_grow_and_end)
 {
     // The momentum of a free rod is the impulse of its load.
@@ -1438,14 +1458,7 @@ TEST(Simulation, loads_begin_grow_and_end)
         EXPECT_TRUE(report.is_converged) << report.stop;
         return report.momentum.y();
     };
-    const std::string ramp =
-                          R"("keys": [{"time": 0, "size": 0}, {"time": 0.1, "size": 1}])",
-                      window = R"("from": 0.02, "until": 0.06)";
-    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", ramp), 0.1, 1e-9);
-    EXPECT_NEAR(pushed(R"(midpoint", "dt": 1e-3)", ramp), 0.1, 1e-9);
-    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", ramp), 0.1 * 1.01, 1e-9);
-    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", window), 0.08, 3e-4);
-    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", window), 0.08, 3e-3);
+    expect_impulses(pushed, 1e-9);
     // In statics they are what they are at the end.
     Simulation still(scene_of(
         kLine + R"(, "fixed": [{"what": ["point","tangent","twist"]}], "loads": [{
@@ -1540,14 +1553,7 @@ TEST(Simulation, springs_begin_grow_and_end)
         EXPECT_TRUE(simulation.report().is_converged) << simulation.report().stop;
         return simulation.report().momentum.y();
     };
-    const std::string ramp =
-                          R"("keys": [{"time": 0, "size": 0}, {"time": 0.1, "size": 1}])",
-                      window = R"("from": 0.02, "until": 0.06)";
-    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", ramp), 0.1, 1e-6);
-    EXPECT_NEAR(pushed(R"(midpoint", "dt": 1e-3)", ramp), 0.1, 1e-6);
-    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", ramp), 0.1 * 1.01, 1e-6);
-    EXPECT_NEAR(pushed(R"(rk4", "dt": 1e-4)", window), 0.08, 3e-4);
-    EXPECT_NEAR(pushed(R"(implicit-euler", "dt": 1e-3)", window), 0.08, 3e-3);
+    expect_impulses(pushed, 1e-6);
     // So does its damping, which takes the speed of a light rod within its window alone.
     Simulation slowed(scene_of(
         kLine + R"(, "velocity": [0,1,0], "springs": [{"at": 0.5, "point": [0,0,0],
