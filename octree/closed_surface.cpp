@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 
+#include "octree/base/bounding_box.h"
 #include "octree/bounding_surface.h"
 #include "octree/lids.h"
 #include "octree/winding.h"
@@ -35,24 +36,13 @@ constexpr std::array kBallsAroundSamples = {1.0 / 40.0, 1.0 / 20.0, 1.0 / 10.0};
 /// radius, and the least ball where it rolls on samples alone [their spacings].
 constexpr double kOffset = 1.0 / 400.0, kOffsetOfBall = 0.05, kSpacings = 3.0;
 
-double diagonal_of(const std::vector<Eigen::Vector3d>& samples)
-{
-    Eigen::Vector3d low = samples.front(), high = low;
-    for (const Eigen::Vector3d& x : samples)
-    {
-        low = low.cwiseMin(x);
-        high = high.cwiseMax(x);
-    }
-    return (high - low).norm();
-}
-
 } // namespace
 
 std::vector<std::function<Shape()>> closed_surfaces(const Shape& shape,
                                                     std::size_t most_triangles)
 {
     std::vector<std::function<Shape()>> ways;
-    const double diagonal = diagonal_of(shape.samples);
+    const double diagonal = box_around(shape.samples).diagonal().norm();
     const auto offset = [=](double ball)
     { return std::max(kOffset * diagonal, kOffsetOfBall * ball); };
     const BoundingSurface bounds = bounding_surface(shape);

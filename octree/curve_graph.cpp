@@ -15,6 +15,7 @@
 
 #include <Eigen/Geometry>
 
+#include "octree/base/bounding_box.h"
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 #include "octree/closed_surface.h"
@@ -215,15 +216,12 @@ void extend_to_tip(const Shape& surface, const std::vector<Eigen::Vector3d>& aro
 double share_of_shape(const std::vector<Eigen::Vector3d>& samples,
                       const CurveSkeleton& skeleton)
 {
-    Eigen::AlignedBox3d whole, part;
-    for (const Eigen::Vector3d& x : samples)
-        whole.extend(x);
+    Eigen::AlignedBox3d part;
     for (const std::vector<Eigen::Vector3d>& around : skeleton.around)
-        for (const Eigen::Vector3d& x : around)
-            part.extend(x);
+        part.extend(box_around(around));
     if (part.isEmpty())
         return 0.0;
-    const double beyond = kOutside * whole.diagonal().norm();
+    const double beyond = kOutside * box_around(samples).diagonal().norm();
     const auto held =
         std::count_if(samples.begin(), samples.end(),
                       [&](const Eigen::Vector3d& x)
@@ -236,14 +234,10 @@ double share_of_shape(const std::vector<Eigen::Vector3d>& samples,
 Eigen::Vector3d far_middle(const std::vector<Eigen::Vector3d>& samples)
 {
     constexpr double kFar = 100.0; // [diagonal]
-    Eigen::Vector3d low = samples.front(), high = low;
-    for (const Eigen::Vector3d& x : samples)
-    {
-        low = low.cwiseMin(x);
-        high = high.cwiseMax(x);
-    }
-    const Eigen::Vector3d middle = 0.5 * (low + high);
-    return middle.norm() > kFar * (high - low).norm() ? middle : Eigen::Vector3d::Zero();
+    const Eigen::AlignedBox3d box = box_around(samples);
+    const Eigen::Vector3d middle = box.center();
+    return middle.norm() > kFar * box.diagonal().norm() ? middle
+                                                        : Eigen::Vector3d::Zero();
 }
 
 } // namespace

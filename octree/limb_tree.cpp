@@ -16,8 +16,7 @@
 #include <queue>
 #include <utility>
 
-#include <Eigen/Geometry>
-
+#include "octree/base/bounding_box.h"
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 #include "octree/base/segment.h"
@@ -136,14 +135,6 @@ void divide_long_pieces(const std::vector<Vector3d>& line,
         first = last;
     }
     bends = std::move(out);
-}
-
-Eigen::AlignedBox3d box_of(const std::vector<Vector3d>& samples)
-{
-    Eigen::AlignedBox3d box;
-    for (const Vector3d& x : samples)
-        box.extend(x);
-    return box;
 }
 
 class Tree
@@ -372,8 +363,7 @@ void number_limbs(std::vector<LimbJoint>& joints)
 std::vector<LimbJoint> symmetric(const Shape& shape, const CurveGraph& graph,
                                  std::vector<LimbJoint> joints)
 {
-    const Eigen::AlignedBox3d box = box_of(shape.samples);
-    const double tolerance = kInPlane * box.diagonal().norm();
+    const double tolerance = kInPlane * box_around(shape.samples).diagonal().norm();
     const PointTree surface(graph.surface());
     // Images of joints in thin limbs may lie beside them a little.
     const auto has_place = [&](const Vector3d& x)

@@ -12,6 +12,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "octree/base/bounding_box.h"
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 
@@ -76,15 +77,10 @@ public:
         : tree_(samples), to_improve_(thinned(samples, kToImprove)),
           to_judge_(thinned(samples, kToJudge)), middle_(mean_place(samples))
     {
-        Vector3d low = samples.front(), high = low;
         Matrix3d moments = Matrix3d::Zero();
         for (const Vector3d& x : samples)
-        {
-            low = low.cwiseMin(x);
-            high = high.cwiseMax(x);
             moments += (x - middle_) * (x - middle_).transpose();
-        }
-        diagonal_ = (high - low).norm();
+        diagonal_ = box_around(samples).diagonal().norm();
         axes_ = Eigen::SelfAdjointEigenSolver<Matrix3d>(moments).eigenvectors();
     }
 

@@ -22,6 +22,7 @@
 #include "editor/session/skeleton_handle.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/base/bounding_box.h"
 #include "octree/base/index.h"
 
 namespace cellwarp
@@ -254,17 +255,11 @@ private:
                 }
         const double own = rest_[idx(anchor_)].y() - lowest(rest_),
                      its = source_rest_[idx(source_anchor_)].y() - lowest(source_rest_);
-        const double size = extent(rest_), source_size = extent(source_rest_);
+        const double size = box_around(rest_).diagonal().norm(),
+                     source_size = box_around(source_rest_).diagonal().norm();
         scale_ = own > 0.05 * size && its > 0.05 * source_size ? own / its
                  : source_size > 0.0                           ? size / source_size
                                                                : 1.0;
-    }
-    static double extent(const std::vector<Vector3d>& places)
-    {
-        Eigen::AlignedBox3d box;
-        for (const Vector3d& x : places)
-            box.extend(x);
-        return box.diagonal().norm();
     }
 
     const SkeletonValues& source_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/base/bounding_box.h"
 #include "octree/base/parallel.h"
 
 namespace cellwarp
@@ -36,13 +37,7 @@ Flesh::Parts::Parts(Lattice of, std::vector<FleshMaterial> of_what,
         regions.emplace(lattice, nodes, materials, tubes, std::move(of_regions),
                         settings.alpha, settings.beta);
     }
-    Vector3d low = Vector3d::Constant(INFINITY), high = -low;
-    for (const Vector3d& x : lattice.places)
-    {
-        low = low.cwiseMin(x);
-        high = high.cwiseMax(x);
-    }
-    size = lattice.places.empty() ? 0.0 : (high - low).norm();
+    size = lattice.places.empty() ? 0.0 : box_around(lattice.places).diagonal().norm();
     edge = size;
     for (const LatticePart& part : lattice.parts)
     {
