@@ -43,6 +43,14 @@ constexpr ImGuiWindowFlags kBarFlags =
     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
     ImGuiWindowFlags_NoNavFocus;
 
+/// Whether an open dialog may end by it in the frame in which the panels see it.
+bool may_end_dialog(const InputEvent& event)
+{
+    return event.kind == InputEvent::Kind::Release ||
+           (event.kind == InputEvent::Kind::KeyDown &&
+            (event.key.key == Key::Escape || event.key.key == Key::Enter));
+}
+
 bool is_pointer(const InputEvent& event)
 {
     return event.kind == InputEvent::Kind::Move ||
@@ -243,19 +251,6 @@ void Editor::handle(const InputEvent& event)
         opened->hand.key(key);
     }
 }
-
-namespace
-{
-
-/// In the frame that it is shown to the panels.
-bool may_end_dialog(const InputEvent& event)
-{
-    return event.kind == InputEvent::Kind::Release ||
-           (event.kind == InputEvent::Kind::KeyDown &&
-            (event.key.key == Key::Escape || event.key.key == Key::Enter));
-}
-
-} // namespace
 
 void Editor::handle_events()
 {
