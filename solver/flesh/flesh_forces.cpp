@@ -271,9 +271,7 @@ std::size_t FleshForces::num_inverted(const VectorXd& u) const
 {
     std::size_t count = 0;
     for (std::size_t p = 0; law_ && p < points_.size(); ++p)
-        count += strain_energy(points_[p], materials_[idx(lattice_.parts[p].material)],
-                               *law_, corners(u, p))
-                     .least_volume <= 0.0;
+        count += least_volume(points_[p], corners(u, p)) <= 0.0;
     return count;
 }
 

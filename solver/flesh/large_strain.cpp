@@ -83,9 +83,12 @@ struct PointLaw
     StrainLaw law;
     double mu = material.shear(), lambda = material.lambda();
 
-    Matrix3d green_stress(const Matrix3d& F) const
+    static Matrix3d green_strain(const Matrix3d& F)
     {
-        const Matrix3d e = 0.5 * (F.transpose() * F - Matrix3d::Identity());
+        return 0.5 * (F.transpose() * F - Matrix3d::Identity());
+    }
+    Matrix3d green_stress(const Matrix3d& e) const
+    {
         return lambda * e.trace() * Matrix3d::Identity() + 2.0 * mu * e;
     }
     double pressure(double J) const { return (lambda + mu) * (J - 1.0) - mu; }
@@ -95,8 +98,7 @@ struct PointLaw
     {
         if (law == StrainLaw::StVenantKirchhoff)
         {
-            const Matrix3d e = 0.5 * (F.transpose() * F - Matrix3d::Identity()),
-                           tau = lambda * e.trace() * Matrix3d::Identity() + 2.0 * mu * e;
+            const Matrix3d e = green_strain(F), tau = green_stress(e);
             P.noalias() = F * tau;
             return 0.5 * tau.cwiseProduct(e).sum();
         }
@@ -118,7 +120,7 @@ struct PointLaw
 private:
     Matrix9 green_hessian(const Matrix3d& F, Filter filter) const
     {
-        Matrix3d tau = green_stress(F);
+        Matrix3d tau = green_stress(green_strain(F));
         if (filter == Filter::Yes)
         {
             const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(tau);
@@ -219,7 +221,6 @@ public:
     }
 
     double energy() const { return energy_; } ///< [J]
-    const Deformations& plain() const { return plain_; }
     PartVector gradient() const
     {
         PartVector out = PartVector::Zero();
@@ -343,17 +344,20 @@ private:
 
 } // namespace
 
+double least_volume(const PartPoints& points, const PartVector& u)
+{
+    double least = INFINITY;
+    for (int k = 0; k < 8; ++k)
+        least = std::min(least, deformation(points.slopes(k), u).determinant());
+    return least;
+}
+
 StrainEnergy strain_energy(const PartPoints& points, const FleshMaterial& material,
                            StrainLaw law, const PartVector& u)
 {
     const PointLaw of_point{material, law};
     const ModedPart part(points, of_point, u);
-    StrainEnergy out;
-    out.energy = part.energy();
-    out.gradient = part.gradient();
-    for (const Matrix3d& F : part.plain())
-        out.least_volume = std::min(out.least_volume, F.determinant());
-    return out;
+    return {part.energy(), part.gradient()};
 }
 
 PartMatrix strain_hessian(const PartPoints& points, const FleshMaterial& material,

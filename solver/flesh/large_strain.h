@@ -31,9 +31,10 @@ struct StrainEnergy
 {
     double energy = 0.0; ///< [J]
     PartVector gradient = PartVector::Zero();
-    /// det F without the modes, of the point where it is least
-    double least_volume = 1.0;
 };
+
+/// det F without the modes at the point where it is least.
+double least_volume(const PartPoints& points, const PartVector& u);
 
 StrainEnergy strain_energy(const PartPoints& points, const FleshMaterial& material,
                            StrainLaw law, const PartVector& u);
