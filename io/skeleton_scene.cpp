@@ -228,12 +228,12 @@ FleshHoldStatement read_held(const Json& json, const std::string& path,
     return held;
 }
 
-bool read_switch(JsonObject& object, const char* key, bool otherwise)
+std::optional<bool> read_switch(JsonObject& object, const char* key)
 {
     const Json* const value = object.find(key);
     if (value && !value->is_boolean())
         object.fail(key, "need true or false");
-    return value ? value->get<bool>() : otherwise;
+    return value ? std::optional(value->get<bool>()) : std::nullopt;
 }
 
 FleshStatement read_flesh(JsonObject& object, const std::string& path,
@@ -296,9 +296,12 @@ FleshStatement read_flesh(JsonObject& object, const std::string& path,
             flesh.fine_regions.push_back(region.get<std::string>());
         }
     }
-    flesh.has_tube = read_switch(object, "tube", true);
+    flesh.has_tube = read_switch(object, "tube").value_or(true);
     number(object, "tube_stiffness", 0.0, kHuge, flesh.tube_stiffness);
-    flesh.settles = read_switch(object, "settle", false);
+    flesh.settles = read_switch(object, "settle");
+    std::optional<std::string> rest;
+    object.read("rest", OneOf{{"unloaded", "as-drawn"}}, rest);
+    flesh.is_at_rest_as_drawn = rest == "as-drawn";
     std::optional<std::string> weights;
     object.read("weights", weights);
     if (weights && weights->empty())
@@ -453,7 +456,7 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
     for (const char* key :
          {"E", "nu", "density", "damping", "materials", "law", "weights", "newton",
           "lattice", "across", "max_depth", "detail", "detail_regions", "tube",
-          "tube_stiffness", "settle", "contact", "held"})
+          "tube_stiffness", "settle", "rest", "contact", "held"})
         if (object.find(key))
             left_out.push_back(at({path, 0, std::string("skeleton.") + key},
                                   "is for flesh that follows in time, ignored"));

@@ -81,7 +81,9 @@ struct FleshStatement
     std::vector<std::string> fine_regions; ///< selectors: detail is there all the time
     bool has_tube = true;
     double tube_stiffness = 10.0;
-    bool settles = false; ///< hangs in its weight from the first frame on
+    /// Whether it hangs in its weight from the first frame on; none: where it can.
+    std::optional<bool> settles;
+    bool is_at_rest_as_drawn = false; ///< its drawn shape bears its weight
     std::vector<FleshObstacleStatement> contact;
     std::vector<FleshHoldStatement> held;
     std::string weights; ///< file, resolved; empty: by distances

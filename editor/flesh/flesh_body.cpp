@@ -82,7 +82,8 @@ void look_for_loose_parts(FleshBody& body)
     const auto loose = std::count_if(is_held.begin(), is_held.end(),
                                      [](const auto& part) { return !part.second; });
     const Triple& g = model.scene.time->gravity;
-    if (loose > 0 && model.flesh().settles && (g[0] != 0 || g[1] != 0 || g[2] != 0))
+    if (loose > 0 && model.flesh().settles.value_or(false) &&
+        (g[0] != 0 || g[1] != 0 || g[2] != 0))
         throw malformed({model.scene.path, 0, "skeleton.settle"},
                         fmt::format("{} of {} parts of the material have no bone: they "
                                     "would fall without end",
@@ -128,10 +129,22 @@ void finish(FleshBody& body, Lattice lattice, std::vector<HeldPoint> points,
         body.mass += part.volume * model.materials[idx(part.material)].density;
     body.flesh =
         std::make_shared<Flesh>(std::move(lattice), model.materials, std::move(points),
-                                std::move(tubes), model.settings, std::move(regions));
+                                std::move(tubes), model.settings, regions);
     guide_what_is_not_bound(model, *body.flesh, body.held_points, body.warnings);
     body.dropped = body.flesh->nodes().dropped.size() - body.held_points.num_whole_guided;
     look_for_loose_parts(body);
+    if (!model.flesh().is_at_rest_as_drawn)
+        return;
+    for (FleshRegionShares& region : regions)
+        std::erase_if(region.shares, [&](const NodeShare& share)
+                      { return body.is_loose[idx(share.node)]; });
+    body.flesh->carry_weight(std::move(regions));
+}
+
+/// Whether a law, or forces at rest, turn with the regions of the bones.
+bool needs_regions(const FleshStatement& flesh)
+{
+    return flesh.law == "regions" || flesh.is_at_rest_as_drawn;
 }
 
 /// What obstacles may touch.
@@ -159,7 +172,7 @@ FleshBody drawn_body(std::shared_ptr<const FleshModel> model)
         tubes =
             tubes_of(body, lattice, drawn.bones, points_in_tubes(lattice, drawn.bones));
     std::vector<FleshRegionShares> regions;
-    if (body.model->flesh().law == "regions")
+    if (needs_regions(body.model->flesh()))
         regions = region_weights(*body.model, lattice, nullptr, {});
     finish(body, std::move(drawn.lattice), std::move(drawn.points), std::move(tubes),
            std::move(regions));
@@ -263,7 +276,7 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> model)
                     holding->materials[k].young = young;
             body = built(std::move(holding));
         }
-    if (model->flesh().settles)
+    if (model->flesh().settles.value_or(false))
         refuse_without_rest(body);
     warn_of_sag(body);
     return body;
@@ -345,7 +358,7 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
             body, lattice, model.bones,
             points_in_tubes(grid, pieces, lattice, model.metre, model.tube_voxels));
     std::vector<FleshRegionShares> regions;
-    if (model.flesh().law == "regions")
+    if (needs_regions(model.flesh()))
         regions = region_weights(model, lattice, &cells.cells, cells.cell_of_sample);
     finish(body, std::move(lattice), std::move(points), std::move(tubes),
            std::move(regions));

@@ -15,6 +15,7 @@
 
 #include <Eigen/Geometry>
 
+#include "editor/flesh/softness.h"
 #include "editor/session/drawn_shapes.h"
 #include "editor/session/retargeted_motion.h"
 #include "io/error.h"
@@ -50,14 +51,13 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
                                  const SceneFile& scene, const CellSettings& cells,
                                  bool is_tight)
     : geometry_(std::move(geometry)), time_(*scene.time),
-      settles_(scene.skeleton->flesh.settles),
       // Blended regions have factors for one length of the step.
       is_of_second_order_(time_.integrator == "bdf2" &&
                           (scene.skeleton->flesh.law != "regions" ||
                            scene.skeleton->flesh.contact.empty())),
       skeleton_(moving_skeleton(*scene.skeleton, scene.path)),
       model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
-      body_(build_flesh(model_)), warnings_(skeleton_.warnings)
+      body_(build_flesh(model_)), settles_(settles(body_)), warnings_(skeleton_.warnings)
 {
     model_ = body_.model;
     warnings_.insert(warnings_.end(), model_->warnings.begin(), model_->warnings.end());
@@ -513,15 +513,12 @@ FleshFrame FleshSimulation::report()
     out.time = static_cast<double>(steps_done()) * time_.dt;
     const std::vector<Motion> motions = motions_now();
     const FleshState& state = snapshot_.state;
-    const Flesh::Energies energies = body_.flesh->energies(state, motions);
-    out.kinetic = energies.kinetic;
-    out.elastic = energies.elastic + energies.tube;
     // Heights count from the model's own origin.
     const Vector3d origin = model_->to_metres(Vector3d::Zero());
-    const Vector3d gravity =
-        model_->frame.axes *
-        Vector3d(time_.gravity[0], time_.gravity[1], time_.gravity[2]);
-    out.gravity = energies.gravity + body_.mass * gravity.dot(origin);
+    const Flesh::Energies energies = body_.flesh->energies(state, motions, origin);
+    out.kinetic = energies.kinetic;
+    out.elastic = energies.elastic + energies.tube;
+    out.gravity = energies.gravity;
     const Vector3d momentum = body_.flesh->momentum(state);
     const Matrix3d to_model = model_->frame.axes.transpose();
     out.support = to_model * out.support;

@@ -150,10 +150,11 @@ private:
 
     std::shared_ptr<const Geometry> geometry_;
     const TimeSettings time_;
-    const bool settles_, is_of_second_order_;
+    const bool is_of_second_order_;
     SkeletonValues skeleton_;
     std::shared_ptr<const FleshModel> model_;
     FleshBody body_; ///< of snapshot_.detail
+    const bool settles_;
     std::vector<std::string> warnings_;
     std::optional<KeyedJoints> keys_;
     std::vector<std::uint32_t> use_samples_; ///< of the direction uses

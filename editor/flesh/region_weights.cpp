@@ -139,7 +139,10 @@ std::vector<FleshRegionShares> region_weights(const FleshModel& model,
                                               std::span<const int> cell_of_sample)
 {
     if (model.bones.empty())
-        throw malformed({model.scene.path, 0, "skeleton.law"}, "regions need a bone");
+        throw malformed(
+            {model.scene.path, 0,
+             model.flesh().law == "regions" ? "skeleton.law" : "skeleton.rest"},
+            "regions need a bone");
     Distances distances = straight_distances(model, lattice);
     if (cells)
         lengthen_by_glue(model, lattice, *cells, distances);

@@ -61,7 +61,7 @@ Softness softness_of(const FleshBody& body)
     const FleshModel& model = *body.model;
     const double gravity = model.settings.gravity.norm();
     const std::vector<Vector3d> places = places_held(body);
-    if (places.empty() || gravity == 0.0)
+    if (places.empty() || gravity == 0.0 || model.flesh().is_at_rest_as_drawn)
         return out;
     const PointTree tree(places);
     int softest = 0;
@@ -96,8 +96,9 @@ void warn_of_sag(FleshBody& body)
 {
     const FleshModel& model = *body.model;
     const Vector3d& gravity = model.settings.gravity;
-    if (gravity.isZero(0.0) || model.settings.law == FleshLaw::Regions)
-        return; // those would make factors for it
+    if (gravity.isZero(0.0) || model.flesh().is_at_rest_as_drawn ||
+        model.settings.law == FleshLaw::Regions)
+        return; // the regions would make factors for it
     if (const double sag = sag_in(body, gravity); sag > kMuch)
         body.warnings.push_back(
             at({model.scene.path, 0, "skeleton.E"},
@@ -106,6 +107,18 @@ void warn_of_sag(FleshBody& body)
                            100.0 * std::min(sag, 1.0),
                            shortest(rounded_up(model.materials[0].young * sag / kSag)),
                            100.0 * kSag)));
+}
+
+bool settles(const FleshBody& body)
+{
+    const FleshModel& model = *body.model;
+    if (model.flesh().settles)
+        return *model.flesh().settles;
+    const bool has_loose_parts = std::find(body.is_loose.begin(), body.is_loose.end(),
+                                           true) != body.is_loose.end();
+    return !model.settings.gravity.isZero(0.0) && model.obstacles.empty() &&
+           model.settings.law != FleshLaw::Regions && !has_loose_parts &&
+           softness_of(body).weight <= kSoftest;
 }
 
 void refuse_without_rest(const FleshBody& body)

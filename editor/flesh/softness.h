@@ -19,7 +19,7 @@ struct Softness
     std::string field;   ///< the material's, of the scene
 };
 
-/// All zero without gravity, or where nothing is held.
+/// All zero without gravity, where nothing is held, or where the drawn shape is at rest.
 Softness softness_of(const FleshBody& body);
 
 /// Flesh that is softer than this ends inside out, if it comes to rest at all.
@@ -36,6 +36,11 @@ inline constexpr double kSag = 0.02;
 /// the diagonal in the scene's gravity, by small strain.
 void warn_of_sag(FleshBody& body);
 inline constexpr double kMuch = 0.1;
+
+/// Whether the flesh hangs in its weight from the first frame on: as the scene says, else
+/// where it has a rest (no obstacle, no part without a bone, not softer than kSoftest);
+/// with blended regions not, as they would make factors for it.
+bool settles(const FleshBody& body);
 
 /// Throws Fault::Malformed where the flesh is softer than kSoftest.
 void refuse_without_rest(const FleshBody& body);

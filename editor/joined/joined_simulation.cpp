@@ -32,11 +32,30 @@ void refuse_what_joints_cannot_hold(const SceneFile& scene)
                                "another law, or no joints");
     if (!flesh.contact.empty())
         refuse("skeleton.contact", "flesh that is joined to something touches nothing");
-    if (flesh.settles)
+    if (flesh.settles.value_or(false))
         refuse("skeleton.settle", "what is joined to the flesh would stay behind");
     if (!flesh.held.empty() && flesh.detail > 0.0)
         refuse("skeleton.held", "points of flesh that is joined to something are held in "
                                 "cells that stay: not with detail");
+}
+
+/// Whether a joint holds the flesh.
+bool has_flesh_end(const RodScene& rods)
+{
+    return std::any_of(rods.joints.begin(), rods.joints.end(),
+                       [](const JointStatement& joint)
+                       {
+                           return joint.ends[0].kind == JointEnd::Kind::Flesh ||
+                                  joint.ends[1].kind == JointEnd::Kind::Flesh;
+                       });
+}
+
+/// The scene; where it does not say whether the flesh settles, it does not.
+SceneFile without_settling(SceneFile scene)
+{
+    std::optional<bool>& settles = scene.skeleton->flesh.settles;
+    settles = settles.value_or(false);
+    return scene;
 }
 
 } // namespace
@@ -127,16 +146,11 @@ private:
 JoinedSimulation::JoinedSimulation(std::shared_ptr<const Geometry> geometry,
                                    const SceneFile& scene, const RodScene& rods,
                                    const CellSettings& cells, bool is_tight)
-    : flesh_(std::move(geometry), scene, cells, is_tight), warnings_(rods.warnings)
+    : flesh_(std::move(geometry), has_flesh_end(rods) ? without_settling(scene) : scene,
+             cells, is_tight),
+      warnings_(rods.warnings)
 {
-    const bool is_joined =
-        std::any_of(rods.joints.begin(), rods.joints.end(),
-                    [](const JointStatement& joint)
-                    {
-                        return joint.ends[0].kind == JointEnd::Kind::Flesh ||
-                               joint.ends[1].kind == JointEnd::Kind::Flesh;
-                    });
-    if (is_joined)
+    if (has_flesh_end(rods))
     {
         refuse_what_joints_cannot_hold(scene);
         if (!flesh_.body().held_points.guided.empty())

@@ -135,7 +135,8 @@ FleshReport Flesh::Parts::step_by_regions(const FleshState& state, double dt,
         return report;
     }
     VectorXd blended;
-    regions->step(predicted, state.v, {loads, settings.gravity, motions, rows}, blended);
+    const VectorXd outer = loads + carried;
+    regions->step(predicted, state.v, {outer, settings.gravity, motions, rows}, blended);
     report.systems = static_cast<int>(regions->size());
     if (!is_prepared)
         report.factors = static_cast<int>(regions->size() - regions->num_taken());
@@ -218,6 +219,11 @@ void Flesh::load(const VectorXd& forces)
     parts_->loads = forces;
 }
 
+void Flesh::carry_weight(std::vector<FleshRegionShares> bones)
+{
+    parts_->carrying = std::move(bones);
+}
+
 void Flesh::take_factors(Flesh& of)
 {
     if (parts_->regions && of.parts_->regions)
@@ -234,6 +240,7 @@ FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> mo
 {
     Parts& p = *parts_;
     p.prepare(dt);
+    p.find_carried(motions);
     FleshReport report = p.regions ? p.step_by_regions(state, dt, motions, around)
                                    : p.step_by_rounds(state, dt, motions, around);
     if (!report.is_finite)
@@ -243,8 +250,8 @@ FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> mo
     return report;
 }
 
-Flesh::Energies Flesh::energies(const FleshState& state,
-                                std::span<const Motion> motions) const
+Flesh::Energies Flesh::energies(const FleshState& state, std::span<const Motion> motions,
+                                const Vector3d& origin) const
 {
     Parts& p = *parts_;
     Energies out;
@@ -254,10 +261,14 @@ Flesh::Energies Flesh::energies(const FleshState& state,
     out.tube = p.forces.tube_energy(state.u, motions);
     p.forces.multiply(state.v, {1.0, 0.0, 0.0}, p.image);
     out.kinetic = 0.5 * state.v.dot(p.image);
+    p.find_carried(motions);
+    const VectorXd weight = p.weight + p.carried;
     for (std::size_t n = 0; n < p.lattice.places.size(); ++n)
-        out.gravity -=
-            p.weight.segment<3>(Eigen::Index(3 * n))
-                .dot(p.lattice.places[n] + state.u.segment<3>(Eigen::Index(3 * n)));
+    {
+        const auto k = Eigen::Index(3 * n);
+        out.gravity -= weight.segment<3>(k).dot(p.lattice.places[n] +
+                                                state.u.segment<3>(k) - origin);
+    }
     return out;
 }
 

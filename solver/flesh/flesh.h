@@ -86,6 +86,10 @@ public:
     FleshState rest() const;
     /// Further forces on the nodes, until they are set again [N].
     void load(const Eigen::VectorXd& forces);
+    /// From now on forces cancel the weight of the nodes while the motions are those of
+    /// rest, so that the shape is at rest as it was drawn. The force on a node turns with
+    /// the bones, as much as its shares say; a node without a share feels its weight.
+    void carry_weight(std::vector<FleshRegionShares> bones);
     /// What can be kept of the same flesh in another lattice, which is not used any more:
     /// factors of regions that the change has not touched.
     void take_factors(Flesh& of);
@@ -110,7 +114,10 @@ public:
     {
         double kinetic = 0.0, elastic = 0.0, tube = 0.0, gravity = 0.0; ///< [J]
     };
-    Energies energies(const FleshState& state, std::span<const Motion> motions) const;
+    /// Heights are counted from \p origin; `gravity` is that of the weight and of what
+    /// cancels it.
+    Energies energies(const FleshState& state, std::span<const Motion> motions,
+                      const Eigen::Vector3d& origin = Eigen::Vector3d::Zero()) const;
     Eigen::Vector3d momentum(const FleshState& state) const;         ///< [kg m/s]
     Eigen::Vector3d angular_momentum(const FleshState& state) const; ///< [kg m^2/s]
     /// Frobenius norm of Green's mean strain, of the cell where it is largest.

@@ -13,6 +13,7 @@ namespace cellwarp
 namespace
 {
 
+using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
@@ -47,7 +48,7 @@ Flesh::Parts::Parts(Lattice of, std::vector<FleshMaterial> of_what,
             (lattice.places[idx(corners[1])] - lattice.places[idx(corners[0])]).norm());
     }
     weight = weight_in(settings.gravity);
-    loads = all_nodes();
+    loads = carried = all_nodes();
     if (settings.law == FleshLaw::StVenantKirchhoff)
         forces.take_law(StrainLaw::StVenantKirchhoff);
     if (settings.law == FleshLaw::NeoHookean)
@@ -111,6 +112,36 @@ void Flesh::Parts::prepare(double dt)
     prepared_dt = dt;
 }
 
+void Flesh::Parts::find_carried(std::span<const Motion> motions)
+{
+    carried.setZero();
+    if (carrying.empty())
+        return;
+    // Counted from the identity, so that nothing is left of the weight at rest.
+    std::vector<Matrix3d> turns(lattice.places.size(), Matrix3d::Zero());
+    std::vector<char> has_share(turns.size(), 0);
+    const auto add = [&](int node, double share, const Matrix3d& turn)
+    {
+        turns[idx(node)] += share * turn;
+        has_share[idx(node)] = 1;
+    };
+    for (const FleshRegionShares& bone : carrying)
+        for (const NodeShare& share : bone.shares)
+            add(share.node, share.share,
+                motions[idx(bone.motion)].R - Matrix3d::Identity());
+    for (std::size_t n = 0; n < turns.size(); ++n)
+        for (const NodeShare& share : lattice.hanging[n])
+            if (has_share[idx(share.node)])
+                add(static_cast<int>(n), share.share, turns[idx(share.node)]);
+    for (std::size_t n = 0; n < turns.size(); ++n)
+    {
+        const auto k = Eigen::Index(3 * n);
+        if (has_share[n])
+            carried.segment<3>(k) =
+                -(weight.segment<3>(k) + turns[n] * weight.segment<3>(k));
+    }
+}
+
 void Flesh::Parts::find_rows(const FleshState& state, double dt,
                              std::span<const Motion> motions)
 {
@@ -129,7 +160,7 @@ void Flesh::Parts::impulse(const VectorXd& u, const VectorXd& v0, const VectorXd
     if (settings.law != FleshLaw::Linear)
         forces.follow(predicted);
     forces.forces(predicted, motions, force);
-    force += weight + loads;
+    force += outer_forces();
     if (settings.alpha > 0.0 || settings.beta > 0.0)
     {
         forces.multiply(v, {settings.alpha, settings.beta, 0.0}, image);

@@ -25,7 +25,10 @@ struct Flesh::Parts
     BoundNodes nodes;
     FleshSettings settings;
     FleshForces forces;
-    Eigen::VectorXd weight, loads; ///< of all nodes [N]
+    Eigen::VectorXd weight, loads;           ///< of all nodes [N]
+    std::vector<FleshRegionShares> carrying; ///< see Flesh::carry_weight()
+    /// Of those, at the motions of the last find_carried() [N].
+    Eigen::VectorXd carried;
     double edge = 0.0, size = 0.0; ///< of the smallest cell, and of all [m]
 
     /// For one length of the step.
@@ -68,6 +71,9 @@ struct Flesh::Parts
         return {1.0 + dt * settings.alpha, dt * dt + dt * settings.beta, dt * dt};
     }
     void prepare(double dt);
+    /// \pre weight is that of the step
+    void find_carried(std::span<const Motion> motions);
+    Eigen::VectorXd outer_forces() const { return weight + loads + carried; } ///< [N]
 
     static Eigen::Vector3d displacement_of(const HeldPoint& point,
                                            std::span<const Motion> motions)

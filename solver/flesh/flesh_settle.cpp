@@ -105,7 +105,7 @@ public:
         if (flesh_.largest_miss(state, motions_) > kMoves * p_.size)
             follow_bones(state);
         if (weighs == Weighs::No)
-            p_.weight.setZero();
+            leave_out_weight();
         for (int round = 0; round < kMostRounds && report_.is_finite; ++round)
             if (const double way = go(state); way <= at_rest * p_.size && is_solved_)
             {
@@ -132,19 +132,26 @@ private:
     /// far as they go.
     void follow_bones(FleshState& state)
     {
-        p_.weight.setZero();
+        leave_out_weight();
         p_.loads.setZero();
         step(state);
         state.v.setZero();
         p_.weight = weight_;
+        p_.settings.gravity = settings_.gravity;
         p_.loads = loads_;
+    }
+
+    void leave_out_weight()
+    {
+        p_.weight.setZero();
+        p_.settings.gravity.setZero();
     }
 
     void forces_at(const VectorXd& u, VectorXd& free)
     {
         p_.forces.follow(u);
         p_.forces.forces(u, motions_, p_.force);
-        p_.force += p_.weight + p_.loads;
+        p_.force += p_.outer_forces();
         p_.reduce(p_.force, free);
     }
 
@@ -219,10 +226,13 @@ VectorXd Flesh::sag(const Eigen::Vector3d& gravity, std::span<const Motion> at_r
 {
     Parts& p = *parts_;
     VectorXd weight = p.weight_in(gravity);
+    std::vector<FleshRegionShares> carrying;
     std::swap(p.weight, weight);
+    std::swap(p.carrying, carrying);
     FleshState state = rest();
     step(state, longest_step(p.materials, p.size), at_rest);
     std::swap(p.weight, weight);
+    std::swap(p.carrying, carrying);
     return state.u;
 }
 

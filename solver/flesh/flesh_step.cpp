@@ -94,6 +94,7 @@ void FleshStep::begin(const FleshState& from, double dt, std::span<const Motion>
     dt_ = dt;
     is_factorized_ = false;
     motions_.assign(motions.begin(), motions.end());
+    parts_.find_carried(motions);
     VectorXd gamma(Eigen::Index(3 * parts_.points.size()));
     for (std::size_t k = 0; k < parts_.points.size(); ++k)
         gamma.segment<3>(Eigen::Index(3 * k)) =
@@ -130,7 +131,7 @@ double FleshStep::value(const VectorXd& u) const
         value += way_.dot(image_) / (2.0 * dt_);
     }
     return value + parts_.forces.elastic_energy(u) +
-           parts_.forces.tube_energy(u, motions_) - (parts_.weight + parts_.loads).dot(u);
+           parts_.forces.tube_energy(u, motions_) - parts_.outer_forces().dot(u);
 }
 
 double FleshStep::gradient(const VectorXd& u, VectorXd& out) const
@@ -148,7 +149,7 @@ double FleshStep::gradient(const VectorXd& u, VectorXd& out) const
     parts_.forces.forces(u, motions_, image_);
     largest = std::max(
         {largest, image_.cwiseAbs().maxCoeff(), parts_.weight.cwiseAbs().maxCoeff()});
-    all_ -= image_ + parts_.weight + parts_.loads;
+    all_ -= image_ + parts_.outer_forces();
     parts_.reduce(all_, out);
     return largest;
 }

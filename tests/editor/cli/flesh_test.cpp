@@ -51,7 +51,7 @@ struct Files
 
 TEST(SimulateFlesh, writes_frames_and_tells_of_them)
 {
-    const Files files;
+    const Files files(R"(, "rest": "as-drawn")");
     const Result result =
         run({"simulate", files.scene, "-o", files.folder / "b-{frame:02}.obj", "--json"});
     ASSERT_EQ(result.code, 0) << result.err;

@@ -218,28 +218,92 @@ TEST(FleshSimulation, begins_in_the_pose_of_its_first_keys_at_rest)
         EXPECT_LT((after.samples[i] - before.samples[i]).norm(), 1e-3);
 }
 
-TEST(FleshSimulation, settles_in_its_weight_where_the_scene_says_so)
+/// How far a sample lies below its place at rest, at the most, negative.
+double sag(const FleshSimulation& of)
+{
+    double lowest = 0.0;
+    const DeformedSamples now = of.deformed_live();
+    for (std::size_t i = 0; i < now.samples.size(); ++i)
+        lowest = std::min(lowest, now.samples[i].y() - of.geometry().samples[i].y());
+    return lowest;
+}
+
+TEST(FleshSimulation, settles_in_its_weight_where_the_scene_does_not_say_otherwise)
 {
     Bar bar;
     bar.keys = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 0]})";
     bar.more = R"(, "gravity": [0, -9.81, 0])";
-    const auto sag = [](FleshSimulation& of)
-    {
-        double lowest = 0.0;
-        const DeformedSamples now = of.deformed_live();
-        for (std::size_t i = 0; i < now.samples.size(); ++i)
-            lowest = std::min(lowest, now.samples[i].y() - of.geometry().samples[i].y());
-        return lowest;
-    };
-    const auto falls = bar.start();
-    EXPECT_EQ(sag(*falls), 0.0);
-    bar.skeleton += R"(, "settle": true)";
+    const std::string plain = bar.skeleton;
+    bar.skeleton += R"(, "settle": false)";
+    EXPECT_EQ(sag(*bar.start()), 0.0);
+    bar.skeleton = plain + R"(, "settle": true)";
+    const double told = sag(*bar.start());
+    bar.skeleton = plain;
     const auto hangs = bar.start();
     const double settled = sag(*hangs);
+    EXPECT_EQ(settled, told);
     EXPECT_LT(settled, -1e-3);
     for (int frame = 0; frame < 5; ++frame)
         hangs->next_frame();
     EXPECT_NEAR(sag(*hangs) / settled, 1.0, 1e-2);
+}
+
+TEST(FleshSimulation, flesh_that_has_no_rest_begins_without_its_weight)
+{
+    Bar bar;
+    bar.keys = "";
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    const std::string plain = bar.skeleton;
+    for (const char* more :
+         {R"(, "contact": [{"plane": [0, 1, 0, -9]}])", R"(, "law": "regions")"})
+    {
+        bar.skeleton = plain + more;
+        EXPECT_EQ(sag(*bar.start()), 0.0) << more;
+    }
+    bar.skeleton = R"("E": 1e3, "across": 8)";
+    EXPECT_EQ(sag(*bar.start()), 0.0);
+}
+
+TEST(FleshSimulation, a_shape_that_is_at_rest_as_drawn_stays_as_it_was_drawn)
+{
+    Bar bar;
+    bar.keys = "";
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    for (const char* more : {"", R"(, "max_depth": 1)", R"(, "law": "regions")",
+                             R"(, "law": "neo-hookean")", R"(, "settle": false)"})
+    {
+        bar.skeleton = R"("E": 2e3, "across": 8, "rest": "as-drawn")" + std::string(more);
+        const auto simulation = bar.start();
+        EXPECT_TRUE(simulation->warnings().empty()) << more;
+        for (int frame = 0; frame < 5; ++frame)
+            simulation->next_frame();
+        const FleshFrame frame = simulation->report();
+        EXPECT_LT(simulation->snapshot().state.u.cwiseAbs().maxCoeff(), 1e-9) << more;
+        EXPECT_LT(frame.kinetic, 1e-9) << more;
+        EXPECT_LT(std::abs(frame.gravity), 1e-9 * 4e4) << more;
+    }
+}
+
+TEST(FleshSimulation, what_bears_the_weight_of_a_drawn_shape_turns_with_the_bones)
+{
+    // Upside down the forces that bear the weight of the drawn shape are a second weight.
+    Bar bar;
+    bar.skeleton = R"("E": 1e6, "across": 8, "rest": "as-drawn")";
+    bar.keys = R"({"time": 0, "joint": "root", "rotate": [0, 0, 1, 180]})";
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    const auto turned = [](const FleshSimulation& of)
+    {
+        double lowest = 0.0;
+        const DeformedSamples now = of.deformed_live();
+        for (std::size_t i = 0; i < now.samples.size(); ++i)
+            lowest = std::min(lowest, now.samples[i].y() + of.geometry().samples[i].y());
+        return lowest;
+    };
+    const double upside_down = turned(*bar.start(true));
+    EXPECT_LT(upside_down, -1e-4);
+    bar.skeleton = R"("E": 1e6, "across": 8)";
+    bar.more = R"(, "gravity": [0, -19.62, 0])";
+    EXPECT_NEAR(turned(*bar.start(true)) / upside_down, 1.0, 1e-6);
 }
 
 TEST(FleshSimulation,
@@ -792,30 +856,35 @@ TEST(FleshSimulation, the_unit_scales_the_model_and_gravity_acts_in_metres)
     // A model in centimetres falls as fast as one in metres: 1/2 g t^2.
     Bar bar;
     bar.keys = "";
-    bar.skeleton = R"("E": 1e8, "across": 8)";
     bar.folder.write("bar.obj", support::obj_text(support::joined(
                                     support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4),
                                     support::box_shape({2, -0.5, 0}, {3, 0.5, 4}, 4))));
     bar.more = R"(, "gravity": [0, -9.81, 0]}, "unit": 0.01, "x": {"y": 1)";
-    const auto simulation = bar.start();
-    ASSERT_FALSE(simulation->warnings().empty());
-    EXPECT_TRUE(contains(simulation->warnings().back(), "have no bone"));
-    for (int frame = 0; frame < 3; ++frame)
-        simulation->next_frame();
-    const DeformedSamples now = simulation->deformed_live();
-    // BDF2 has speeds without an error, and of heights that of its first step, Euler's.
-    const double dt = 1.0 / 120.0;
-    double before = 0.0, fall = 9.81 * dt * dt / 0.01;
-    for (std::int64_t step = 2; step <= simulation->steps_done(); ++step)
-        before = std::exchange(fall,
-                               (4.0 * fall - before +
-                                2.0 * 9.81 * dt * dt * static_cast<double>(step) / 0.01) /
-                                   3.0);
-    EXPECT_NEAR(fall * 0.01,
-                0.5 * 9.81 * std::pow(dt * double(simulation->steps_done()), 2),
-                9.81 * dt * dt);
-    EXPECT_NEAR(now.samples.back().y() - simulation->geometry().samples.back().y(), -fall,
-                1e-6 * fall);
+    // What bears the weight of a drawn shape turns with bones: none is here.
+    for (const char* rest : {"unloaded", "as-drawn"})
+    {
+        bar.skeleton = R"("E": 1e8, "across": 8, "rest": ")" + std::string(rest) + '"';
+        const auto simulation = bar.start();
+        ASSERT_FALSE(simulation->warnings().empty());
+        EXPECT_TRUE(contains(simulation->warnings().back(), "have no bone"));
+        for (int frame = 0; frame < 3; ++frame)
+            simulation->next_frame();
+        const DeformedSamples now = simulation->deformed_live();
+        // BDF2 has speeds without an error, and of heights that of its first step,
+        // Euler's.
+        const double dt = 1.0 / 120.0;
+        double before = 0.0, fall = 9.81 * dt * dt / 0.01;
+        for (std::int64_t step = 2; step <= simulation->steps_done(); ++step)
+            before = std::exchange(
+                fall, (4.0 * fall - before +
+                       2.0 * 9.81 * dt * dt * static_cast<double>(step) / 0.01) /
+                          3.0);
+        EXPECT_NEAR(fall * 0.01,
+                    0.5 * 9.81 * std::pow(dt * double(simulation->steps_done()), 2),
+                    9.81 * dt * dt);
+        EXPECT_NEAR(now.samples.back().y() - simulation->geometry().samples.back().y(),
+                    -fall, 1e-6 * fall);
+    }
 }
 
 } // namespace cellwarp

@@ -96,7 +96,7 @@ void run(JoinedSimulation& simulation)
 TEST(JoinedSimulation, a_weight_hangs_on_flesh_and_bends_it)
 {
     Scene scene;
-    scene.more += R"(, "damping": {"alpha": 8})";
+    scene.more += R"(, "damping": {"alpha": 8}, "settle": false)";
     scene.time = R"("duration": 2.0)";
     const auto heavy = scene.start();
     ASSERT_EQ(heavy->warnings().size(), 1u);
