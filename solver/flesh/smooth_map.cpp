@@ -14,7 +14,8 @@
 // there is next to no material is where little holds it, and counts as one beyond, if
 // there are two others along an axis on which it is the last one.
 //
-// Cells of several sizes. The map is a spline on the grid of the smallest cells. Its
+// Cells of several sizes. The map is a spline on the grid of the smallest cells, or of
+// twice their edge, and so on, where that grid would have too many boxes. Its
 // nodes in larger cells are those of the same map on a grid of twice the edge, and so on:
 // so the map is one spline, and smooth, whatever its values are. On a coarser grid the
 // smaller cells of a box, as far as glue joins them, are one box; a corner of it that
@@ -218,7 +219,7 @@ class SmoothMapBuilder
 {
 public:
     SmoothMapBuilder(const Octree& octree, const Cells& cells, const Lattice& lattice,
-                     SmoothMap& out)
+                     std::size_t most_boxes, SmoothMap& out)
         : octree_(octree), cells_(cells), lattice_(lattice), out_(out)
     {
         out_.num_nodes_ = lattice.places.size();
@@ -230,8 +231,11 @@ public:
             smallest = width(c) < width(smallest) ? c : smallest;
             largest = width(c) > width(largest) ? c : largest;
         }
-        out_.edge_ = lattice.edge(static_cast<int>(smallest));
-        for (int w = width(smallest); w <= width(largest); w *= 2)
+        int finest = width(smallest);
+        while (finest < width(largest) && num_boxes(finest) > most_boxes)
+            finest *= 2;
+        out_.edge_ = lattice.edge(static_cast<int>(smallest)) * finest / width(smallest);
+        for (int w = finest; w <= width(largest); w *= 2)
             add_level(w);
         find_forks(levels_[0]);
     }
@@ -278,6 +282,15 @@ private:
     const Vector3i& corner(std::size_t cell) const
     {
         return octree_[cells_.cells[cell].leaf].corner;
+    }
+
+    /// Boxes of a level, where each smaller cell counts as a part of one.
+    std::size_t num_boxes(int width_of_level) const
+    {
+        double sum = 0.0;
+        for (std::size_t c = 0; c < cells_.size(); ++c)
+            sum += std::pow(static_cast<double>(width(c)) / width_of_level, 3);
+        return static_cast<std::size_t>(std::ceil(sum));
     }
 
     void add_level(int width_of_level)
@@ -632,11 +645,18 @@ private:
     int part_at(std::size_t level, int cell, Vector3d& local) const
     {
         const int w = levels_[level].width;
-        const double parts = static_cast<double>(width(idx(cell))) / w;
-        const Vector3i part =
-            (local * parts).array().floor().max(0.0).min(parts - 1.0).cast<int>();
-        local = local * parts - part.cast<double>();
-        return box_at(levels_[level], cell, corner(idx(cell)) + w * part);
+        const Vector3d place =
+            corner(idx(cell)).cast<double>() + width(idx(cell)) * local;
+        const int last = std::max(0, width(idx(cell)) / w - 1);
+        const Vector3i part = (local * width(idx(cell)) / w)
+                                  .array()
+                                  .floor()
+                                  .max(0.0)
+                                  .min(static_cast<double>(last))
+                                  .cast<int>();
+        const int box = box_at(levels_[level], cell, corner(idx(cell)) + w * part);
+        local = (place - levels_[level].corners[idx(box)].cast<double>()) / w;
+        return box;
     }
 
     /// A new slot, unless the row is one.
@@ -907,9 +927,9 @@ private:
 };
 
 SmoothMap::SmoothMap(const Octree& octree, const Cells& cells, const Lattice& lattice,
-                     std::span<const Place> places)
+                     std::span<const Place> places, std::size_t most_boxes)
 {
-    SmoothMapBuilder(octree, cells, lattice, *this).add(places);
+    SmoothMapBuilder(octree, cells, lattice, most_boxes, *this).add(places);
 }
 
 std::vector<SmoothMap::Value> SmoothMap::values(const Eigen::VectorXd& u,

@@ -83,17 +83,19 @@ TEST(SmoothMap, is_exact_for_affine_maps)
     {
         const Lattice lattice = octree_lattice(built.octree, built.cells, 2.0);
         const std::vector<SmoothMap::Place> places = random_places(built.cells, 2000);
-        const SmoothMap map(built.octree, built.cells, lattice, places);
-        const auto values = map.values(support::field_of(
-            lattice, [&](const Vector3d& x) -> Vector3d { return A * x + b; }));
-        ASSERT_EQ(values.size(), places.size());
-        for (std::size_t i = 0; i < places.size(); ++i)
+        // Also with a grid that is coarser than the smallest cells.
+        for (const std::size_t most_boxes : {SmoothMap::kMostBoxes, std::size_t(100)})
         {
-            EXPECT_LT(
-                (values[i].displacement - A * (2.0 * at(built.cells, places[i])) - b)
-                    .norm(),
-                1e-12);
-            EXPECT_LT((values[i].gradient - A).norm(), 1e-11);
+            const SmoothMap map(built.octree, built.cells, lattice, places, most_boxes);
+            const auto values = map.values(support::field_of(
+                lattice, [&](const Vector3d& x) -> Vector3d { return A * x + b; }));
+            ASSERT_EQ(values.size(), places.size());
+            for (std::size_t i = 0; i < places.size(); ++i)
+            {
+                const Vector3d x = 2.0 * at(built.cells, places[i]);
+                EXPECT_LT((values[i].displacement - A * x - b).norm(), 1e-12);
+                EXPECT_LT((values[i].gradient - A).norm(), 1e-11);
+            }
         }
     }
 }
