@@ -59,11 +59,24 @@ struct KeyTrack
 using TurnTrack = KeyTrack<4>;
 using ShiftTrack = KeyTrack<3>;
 
+/// Places that a joint reaches: the joints above it turn for it (inverse kinematics).
+struct ReachTrack : KeyTrack<3>
+{
+    /// Joints that turn for it; empty: those up to below the next branching.
+    std::vector<std::size_t> chain = {};
+    /// false: it acts at all times, and turns the joints of its chain that have no track
+    /// of turns. true: it acts from its first to its last key alone, and turns all joints
+    /// of its chain, from where their tracks have them.
+    bool is_hold = false;
+    std::string field = {}; ///< of the scene, for messages
+};
+
 struct SkeletonValues
 {
     std::vector<SkeletonJoint> joints; ///< parents first; names differ
     std::vector<TurnTrack> turns;      ///< at most one a joint
     std::vector<ShiftTrack> shifts;
+    std::vector<ReachTrack> reaches = {}; ///< at most one at a time of a joint
     std::vector<std::string> warnings;
 };
 

@@ -126,8 +126,13 @@ SceneKey read_key(const Json& json, const std::string& path, const std::string& 
     }
     if (const Json* translate = object.find("translate"))
         key.translate = vector_of(object, "translate", *translate);
-    if (!key.rotate && !key.translate)
-        object.fail("", "needs rotate or translate");
+    if (const Json* to = object.find("to"))
+        key.to = vector_of(object, "to", *to);
+    object.read("from", key.from);
+    if (key.from && !key.to)
+        object.fail("from", "is for a key with to");
+    if (!key.rotate && !key.translate && !key.to)
+        object.fail("", "needs rotate, translate or to");
     object.warn_of_the_rest();
     return key;
 }
@@ -332,11 +337,10 @@ Eigen::Vector4d turn_of(const std::array<double, 4>& rotate)
         .coeffs();
 }
 
-/// Adds a key to the track of its joint.
-template <int size>
-void add_key(std::vector<KeyTrack<size>>& tracks, std::size_t joint, const SceneKey& key,
-             const Eigen::Matrix<double, size, 1>& value, KeyStep step,
-             const std::string& path)
+/// Adds a key to the track of its joint, which it returns.
+template <class Track>
+Track& add_key(std::vector<Track>& tracks, std::size_t joint, const SceneKey& key,
+               const typename Track::Value& value, KeyStep step, const std::string& path)
 {
     auto track = std::find_if(tracks.begin(), tracks.end(),
                               [&](const auto& t) { return t.joint == joint; });
@@ -354,6 +358,48 @@ void add_key(std::vector<KeyTrack<size>>& tracks, std::size_t joint, const Scene
                             " already");
     track->values.insert(track->values.begin() + (later - track->times.begin()), value);
     track->times.insert(later, key.time);
+    return *track;
+}
+
+/// Joints from the parent of \p joint up to the one that \p key names.
+std::vector<std::size_t> chain_of(const std::vector<SkeletonJoint>& joints,
+                                  const std::map<std::string, std::size_t>& number,
+                                  std::size_t joint, const SceneKey& key,
+                                  const std::string& path)
+{
+    std::vector<std::size_t> chain;
+    while (!joints[joint].parent.empty())
+    {
+        joint = number.at(joints[joint].parent);
+        chain.push_back(joint);
+        if (joints[joint].name == *key.from)
+            return chain;
+    }
+    throw JsonError(path, key.field + ".from",
+                    in_quotes(*key.from) + " is no joint above " + key.joint);
+}
+
+/// Adds the place of a key to the track of its joint.
+void add_reach(SkeletonValues& out, const std::map<std::string, std::size_t>& number,
+               std::size_t joint, const SceneKey& key, KeyStep step,
+               const std::string& path)
+{
+    if (out.joints[joint].parent.empty())
+        throw JsonError(path, key.field + ".to",
+                        "joint " + key.joint +
+                            " is a root: nothing above it turns, use translate");
+    ReachTrack& track = add_key(out.reaches, joint, key, *key.to, step, path);
+    if (track.field.empty())
+        track.field = key.field;
+    if (!key.from)
+        return;
+    std::vector<std::size_t> chain = chain_of(out.joints, number, joint, key, path);
+    if (!track.chain.empty() && track.chain != chain)
+        throw JsonError(path, key.field + ".from",
+                        "got " + in_quotes(*key.from) + ", an earlier key of joint " +
+                            key.joint + " has " +
+                            in_quotes(out.joints[track.chain.back()].name));
+    track.chain = std::move(chain);
 }
 
 MotionStatement read_motion(const Json& json, const std::string& path,
@@ -450,7 +496,8 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
         scene.motion = read_motion(*motion, path, warnings);
     }
     object.read("interpolation", OneOf{{"slerp", "squad"}}, interpolation);
-    scene.is_smooth = interpolation.value_or("slerp") == "squad";
+    if (interpolation)
+        scene.step = *interpolation == "squad" ? KeyStep::Smooth : KeyStep::Linear;
     object.read("every", Between<double>{1e-6, 1e9}, scene.every);
     object.read("tube_radius", Between<double>{kTiny, kHuge}, scene.radius);
     for (const char* key :
@@ -482,7 +529,7 @@ SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path)
     std::map<std::string, std::size_t> number;
     for (std::size_t k = 0; k < out.joints.size(); ++k)
         number[out.joints[k].name] = k;
-    const KeyStep step = scene.is_smooth ? KeyStep::Smooth : KeyStep::Linear;
+    const KeyStep step = scene.step.value_or(KeyStep::Linear);
     for (const SceneKey& key : scene.keys)
     {
         const auto joint = number.find(key.joint);
@@ -490,14 +537,16 @@ SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path)
             throw JsonError(path, key.field + ".joint",
                             in_quotes(key.joint) + " is no joint");
         if (key.rotate)
-            add_key<4>(out.turns, joint->second, key, turn_of(*key.rotate), step, path);
+            add_key(out.turns, joint->second, key, turn_of(*key.rotate), step, path);
         if (key.translate && !out.joints[joint->second].parent.empty())
             throw JsonError(path, key.field + ".translate",
                             "joint " + key.joint + " hangs on " +
                                 out.joints[joint->second].parent +
                                 ": only a root is moved");
         if (key.translate)
-            add_key<3>(out.shifts, joint->second, key, *key.translate, step, path);
+            add_key(out.shifts, joint->second, key, *key.translate, step, path);
+        if (key.to)
+            add_reach(out, number, joint->second, key, step, path);
     }
     return out;
 }

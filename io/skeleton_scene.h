@@ -25,7 +25,9 @@ struct SceneKey
     std::string joint;
     std::optional<std::array<double, 4>> rotate; ///< axis, [degree], from rest
     std::optional<Eigen::Vector3d> translate;    ///< from rest [model unit]
-    std::string field;                           ///< of the scene, for messages
+    std::optional<Eigen::Vector3d> to;           ///< a place to reach [model unit]
+    std::optional<std::string> from; ///< first joint of the chain that turns for it
+    std::string field;               ///< of the scene, for messages
 };
 
 /// What one material of the flesh is like; what it leaves out is that of the flesh.
@@ -105,7 +107,9 @@ struct SkeletonScene
     std::vector<SkeletonJoint> joints; ///< of the scene, parents first
     std::vector<SceneKey> keys;        ///< in the order of the scene
     MotionStatement motion;
-    bool is_smooth = false;       ///< between keys of the scene
+    /// Between keys of the scene, or frames of a handle file in time; none: Linear for
+    /// keys, Smooth for frames.
+    std::optional<KeyStep> step;
     std::optional<double> every;  ///< frames so far apart [s]; none: at the keys
     std::optional<double> radius; ///< of all bones [model unit]
     FleshStatement flesh;
@@ -119,8 +123,8 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
 
 /// The joints of the scene or its file, and what moves them: the scene's keys, else the
 /// file's. \p path: of the scene. Throws what read_skeleton() throws, and
-/// Fault::Malformed for keys of no joint, of one time, and for translations of a joint
-/// that is no root.
+/// Fault::Malformed for keys of no joint, of one time, for translations of a joint that
+/// is no root, and for places of one.
 SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path);
 
 } // namespace cellwarp

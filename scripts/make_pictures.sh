@@ -94,6 +94,7 @@ flesh drag 5 200x300 70 --cells
 flesh rope 5 220x320 30
 flesh suture 5 240x200 30/40
 flesh flop 6 240x200 20
+flesh reach 6 200x300 20
 flesh pulled 5 200x300 70
 for law in cells regions linear stvk neo; do
     flesh "joint_$law" 4 240x200 0

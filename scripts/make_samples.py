@@ -30,7 +30,7 @@ flesh     scenes for simulate whose flesh follows a skeleton, into flesh/: limb 
           edges of a lattice that is drawn), elbow (120 degrees), walk, belly, tail, and spin
           and spin_free (with and without the tube that holds flesh to its bone); joint_*
           (by law), press, flop, pulled, detail and drag (cells that are halved), rope and
-          suture (with rods)
+          suture (with rods), reach (inverse kinematics)
 carried   scenes for simulate whose rods carry a model, into rods/: tentacle, hung, stitch
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
           four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
@@ -594,6 +594,19 @@ def flesh(folder):
     skeleton_scene(into, "walk", "../creature.obj", CREATURE_BONES, steps,
                    dict(in_time(2.0), cells={"across": 32}), interpolation="squad", E=4e4,
                    across=32)
+    # The creature crouches and reaches up: its feet stay, a hand goes to places.
+    skeleton_scene(into, "reach", "../creature.obj", CREATURE_BONES,
+                   [dict(time=0, joint="hips", translate=[0, 0, 0]),
+                    dict(time=0.4, joint="hips", translate=[0, -0.16, -0.05]),
+                    dict(time=0.8, joint="hips", translate=[0, -0.02, 0]),
+                    dict(time=0, joint="left ankle", to=[0.27, 0.11, -0.02]),
+                    dict(time=0, joint="right ankle", to=[-0.27, 0.11, -0.02]),
+                    dict(time=0, joint="left wrist", to=[1.08, 1.436, 0.096]),
+                    dict(time=0.4, joint="left wrist", to=[0.75, 0.95, 0.4]),
+                    dict(time=0.8, joint="left wrist", to=[0.72, 1.95, 0.3])],
+                   in_time(1.2), {side + " knee": {"hinge": [1, 0, 0], "twist": [0, 140]}
+                                  for side in ("left", "right")},
+                   interpolation="squad", E=6e4, across=32)
     # A belly on a pelvis that walks, softer than the rest.
     belly = lambda p: smooth_union([
         capsule(p, (0, 0.1, 0), (0, 0.75, 0), 0.26, 0.22), capsule(p, (0, 0.3, 0.12), (0, 0.42, 0.16),

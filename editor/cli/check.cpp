@@ -72,10 +72,10 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     SessionRequest request = read_request(flags, has_flesh);
     const auto geometry = std::make_shared<const Geometry>(
         read_geometry(request.model, request.read).geometry);
-    const std::optional<FleshFacts> flesh =
-        flesh_in_time(flags.model, *geometry, request.settings.cells);
     if (!request.handles)
         request.handles.emplace();
+    const std::optional<FleshFacts> flesh =
+        flesh_in_time(flags.model, *request.handles, *geometry, request.settings.cells);
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();

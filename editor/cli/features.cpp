@@ -83,12 +83,13 @@ std::optional<RodFacts> facts_of_rods([[maybe_unused]] const std::string& input)
 }
 
 std::optional<FleshFacts> flesh_in_time([[maybe_unused]] const std::string& input,
+                                        [[maybe_unused]] const HandleFile& handles,
                                         [[maybe_unused]] const Geometry& geometry,
                                         [[maybe_unused]] const CellSettings& cells)
 {
 #ifdef CELLWARP_WITH_SKELETON
     if (has_flesh(time_scene_of(input)))
-        return flesh_of_scene(input, geometry, cells);
+        return flesh_of_scene(input, handles, geometry, cells);
 #endif
     return std::nullopt;
 }

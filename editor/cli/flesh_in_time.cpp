@@ -8,7 +8,7 @@
 #include "editor/cli/session_json.h"
 #include "editor/cli/told_in_time.h"
 #include "editor/flesh/flesh_simulation.h"
-#include "editor/session/retargeted_motion.h"
+#include "editor/session/played_frames.h"
 #include "editor/session/volume.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
@@ -83,12 +83,8 @@ FleshRequest read_flesh_request(const std::string& path)
     SessionFlags flags;
     flags.model = path;
     const SessionRequest request = read_request(flags, true);
-    FleshRequest out{read_scene(path), nullptr, request.settings.cells, request.warnings};
-    if (request.handles &&
-        std::any_of(request.handles->stages.begin(), request.handles->stages.end(),
-                    [](const Stage& stage) { return !stage.regions.empty(); }))
-        out.warnings.push_back(at({out.scene.handles, 0, ""},
-                                  "regions are for deform: flesh is held by its bones"));
+    FleshRequest out{read_scene(path), request.handles.value_or(HandleFile()), nullptr,
+                     request.settings.cells, request.warnings};
     out.file =
         std::make_shared<const GeometryFile>(read_geometry(request.model, request.read));
     return out;
@@ -147,7 +143,7 @@ public:
     FleshInTime(const std::string& path, const InTimeOptions& options)
         : request_(read_flesh_request(path)),
           simulation_(geometry_of(request_.file), request_.scene, request_.cells,
-                      options.is_tight),
+                      options.is_tight, request_.handles),
           deformed_(simulation_.deformed())
     {
     }
@@ -220,13 +216,14 @@ private:
 
 } // namespace
 
-FleshFacts flesh_of_scene(const std::string& path, const Geometry& geometry,
-                          const CellSettings& cells)
+FleshFacts flesh_of_scene(const std::string& path, const HandleFile& handles,
+                          const Geometry& geometry, const CellSettings& cells)
 {
     const SceneFile scene = read_scene(path);
+    const SkeletonValues skeleton = played_skeleton(scene, handles, geometry);
     const std::shared_ptr<const FleshModel> model =
         flesh_model(std::shared_ptr<const Geometry>(std::shared_ptr<void>(), &geometry),
-                    scene, moving_skeleton(*scene.skeleton, scene.path), cells, false);
+                    scene, skeleton, cells, false);
     const FleshBody body = build_flesh(model);
     FleshFacts facts;
     facts.json = size_of(body);
@@ -236,7 +233,9 @@ FleshFacts flesh_of_scene(const std::string& path, const Geometry& geometry,
                              body.flesh->lattice().cells.size(),
                              body.flesh->lattice().places.size(),
                              body.flesh->nodes().free.size(), body.held, body.mass);
-    facts.warnings = model->warnings;
+    facts.warnings = skeleton.warnings;
+    facts.warnings.insert(facts.warnings.end(), model->warnings.begin(),
+                          model->warnings.end());
     facts.warnings.insert(facts.warnings.end(), body.warnings.begin(),
                           body.warnings.end());
     return facts;

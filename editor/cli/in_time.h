@@ -108,10 +108,11 @@ struct FleshFacts
     std::vector<std::string> warnings;
 };
 std::optional<FleshFacts> flesh_in_time(const std::string& input,
+                                        const HandleFile& handles,
                                         const Geometry& geometry,
                                         const CellSettings& cells);
-FleshFacts flesh_of_scene(const std::string& scene, const Geometry& geometry,
-                          const CellSettings& cells);
+FleshFacts flesh_of_scene(const std::string& scene, const HandleFile& handles,
+                          const Geometry& geometry, const CellSettings& cells);
 
 /// The subcommand simulate.
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);

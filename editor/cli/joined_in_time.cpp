@@ -31,7 +31,7 @@ public:
     JoinedInTime(const std::string& path, const InTimeOptions& options)
         : request_(read_flesh_request(path)),
           simulation_(geometry_of(request_.file), request_.scene, read_rod_scene(path),
-                      request_.cells, options.is_tight),
+                      request_.cells, options.is_tight, request_.handles),
           deformed_(simulation_.flesh().deformed())
     {
     }

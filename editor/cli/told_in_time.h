@@ -35,6 +35,7 @@ std::string bytes_of(const Simulation& rods, const std::string& name, double uni
 struct FleshRequest
 {
     SceneFile scene;
+    HandleFile handles;
     std::shared_ptr<const GeometryFile> file;
     CellSettings cells;
     std::vector<std::string> warnings;

@@ -17,7 +17,7 @@
 
 #include "editor/flesh/softness.h"
 #include "editor/session/drawn_shapes.h"
-#include "editor/session/retargeted_motion.h"
+#include "editor/session/played_frames.h"
 #include "io/error.h"
 #include "io/skeleton_scene.h"
 #include "octree/base/clock.h"
@@ -49,13 +49,13 @@ constexpr double kPullOfStep = 0.2;
 
 FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
                                  const SceneFile& scene, const CellSettings& cells,
-                                 bool is_tight)
+                                 bool is_tight, const HandleFile& handles)
     : geometry_(std::move(geometry)), time_(*scene.time),
       // Blended regions have factors for one length of the step.
       is_of_second_order_(time_.integrator == "bdf2" &&
                           (scene.skeleton->flesh.law != "regions" ||
                            scene.skeleton->flesh.contact.empty())),
-      skeleton_(moving_skeleton(*scene.skeleton, scene.path)),
+      skeleton_(played_skeleton(scene, handles, *geometry_)),
       model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
       body_(build_flesh(model_)), settles_(settles(body_)), warnings_(skeleton_.warnings)
 {
@@ -63,6 +63,8 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
     warnings_.insert(warnings_.end(), model_->warnings.begin(), model_->warnings.end());
     warnings_.insert(warnings_.end(), body_.warnings.begin(), body_.warnings.end());
     keys_.emplace(skeleton_);
+    for (std::string& warning : keys_->warnings(scene.path))
+        warnings_.push_back(std::move(warning));
     for (const DirectionUse& use : direction_uses(*geometry_))
         use_samples_.push_back(use.sample);
     snapshot_.state = body_.flesh->rest();

@@ -59,9 +59,11 @@ class FleshSimulation
 {
 public:
     /// Stands at frame 0: in the pose of the keys there, at rest; where the scene says
-    /// so, hanging in its weight. Throws what build_flesh() throws.
+    /// so, hanging in its weight. \p handles: its frames move the skeleton, see
+    /// played_skeleton(). Throws what build_flesh() and played_skeleton() throw.
     FleshSimulation(std::shared_ptr<const Geometry> geometry, const SceneFile& scene,
-                    const CellSettings& cells, bool is_tight = false);
+                    const CellSettings& cells, bool is_tight = false,
+                    const HandleFile& handles = {});
     ~FleshSimulation();
 
     const std::vector<std::string>& warnings() const { return warnings_; }

@@ -145,9 +145,10 @@ private:
 
 JoinedSimulation::JoinedSimulation(std::shared_ptr<const Geometry> geometry,
                                    const SceneFile& scene, const RodScene& rods,
-                                   const CellSettings& cells, bool is_tight)
+                                   const CellSettings& cells, bool is_tight,
+                                   const HandleFile& handles)
     : flesh_(std::move(geometry), has_flesh_end(rods) ? without_settling(scene) : scene,
-             cells, is_tight),
+             cells, is_tight, handles),
       warnings_(rods.warnings)
 {
     if (has_flesh_end(rods))

@@ -25,7 +25,7 @@ public:
     /// Fault::Malformed for what flesh cannot have where joints hold it.
     JoinedSimulation(std::shared_ptr<const Geometry> geometry, const SceneFile& scene,
                      const RodScene& rods, const CellSettings& cells,
-                     bool is_tight = false);
+                     bool is_tight = false, const HandleFile& handles = {});
     ~JoinedSimulation();
 
     FleshSimulation& flesh() { return flesh_; }

@@ -127,31 +127,6 @@ int num_parts_of(const SplineHandle& spline, const SplineHolds& from,
     return parts_of_way(turn_between(spline, from, to), way);
 }
 
-/// Of limits that cut turns, and places that are out of reach.
-void warn_of_joints(const SkeletonHandle& skeleton, const SkeletonAim& aim,
-                    const FrameStatement& frame, const std::string& file, double diagonal,
-                    std::vector<std::string>& warnings)
-{
-    constexpr double kThere = 1e-6; // [diagonal]
-    if (aim.limited > 0)
-        warnings.push_back(at({file, frame.line, ""},
-                              fmt::format("frame {}: {} turns of joints are cut to their "
-                                          "limits",
-                                          frame.number, aim.limited)));
-    for (const JointHold& hold : aim.holds)
-        if (hold.miss > kThere * diagonal)
-            warnings.push_back(
-                at({file, frame.line, skeleton.statement(idx(hold.joint)).name},
-                   fmt::format("frame {}: ends {:.3g} of the diagonal from its place, "
-                               "which is out of reach",
-                               frame.number, hold.miss / diagonal)));
-}
-
-} // namespace
-
-namespace
-{
-
 /// Of the move of a region; of the frame where it has none.
 std::int64_t line_of(const FrameStatement& frame, const std::string& region)
 {
@@ -195,6 +170,25 @@ StageAims rest_aims(const RegionSet& regions)
     if (regions.skeleton())
         aims.skeleton = regions.skeleton()->rest();
     return aims;
+}
+
+void warn_of_joints(const SkeletonHandle& skeleton, const SkeletonAim& aim,
+                    const FrameStatement& frame, const std::string& file, double diagonal,
+                    std::vector<std::string>& warnings)
+{
+    constexpr double kThere = 1e-6; // [diagonal]
+    if (aim.limited > 0)
+        warnings.push_back(at({file, frame.line, ""},
+                              fmt::format("frame {}: {} turns of joints are cut to their "
+                                          "limits",
+                                          frame.number, aim.limited)));
+    for (const JointHold& hold : aim.holds)
+        if (hold.miss > kThere * diagonal)
+            warnings.push_back(
+                at({file, frame.line, skeleton.statement(idx(hold.joint)).name},
+                   fmt::format("frame {}: ends {:.3g} of the diagonal from its place, "
+                               "which is out of reach",
+                               frame.number, hold.miss / diagonal)));
 }
 
 bool is_of_points(const Move& move)

@@ -63,6 +63,12 @@ struct FramePlan
 /// as a whole: a release of a rod as a whole is about both of its ends.
 bool is_of_points(const Move& move);
 
+/// Adds warnings of turns that limits cut in \p frame, and of places out of reach.
+/// \p aim: where the frame has the skeleton.
+void warn_of_joints(const SkeletonHandle& skeleton, const SkeletonAim& aim,
+                    const FrameStatement& frame, const std::string& file, double diagonal,
+                    std::vector<std::string>& warnings);
+
 /// What a move or a release of a point makes of what holds a rod or curve, in
 /// frame \p frame. Throws Fault::Malformed.
 void hold_point(const Move& move, const SplineHandle& spline, const Units& units,

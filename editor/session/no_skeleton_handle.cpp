@@ -44,6 +44,11 @@ std::vector<JointMotion> KeyedJoints::motions_at(double) const
     refuse_skeletons();
 }
 
+std::vector<std::string> KeyedJoints::warnings(const std::string&) const
+{
+    refuse_skeletons();
+}
+
 std::vector<double> key_times(const SkeletonValues&)
 {
     refuse_skeletons();
@@ -55,7 +60,7 @@ SkeletonValues moving_skeleton(const SkeletonScene&, const std::string&)
 }
 
 std::vector<FrameStatement> posed_frames(const SkeletonValues&, std::optional<double>,
-                                         const std::string&)
+                                         const std::string&, std::vector<std::string>&)
 {
     refuse_skeletons();
 }

@@ -25,7 +25,7 @@ std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& h
     }
     else
         file = read_handles(handles, skeleton.joints);
-    const bool has_keys = !skeleton.turns.empty() || !skeleton.shifts.empty();
+    const bool has_keys = !key_times(skeleton).empty();
     const bool has_frames =
         std::any_of(file.stages.begin(), file.stages.end(),
                     [](const Stage& stage) { return !stage.frames.empty(); });
@@ -43,7 +43,7 @@ std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& h
                               "its keys are not used: the handle file has frames"));
     if (!has_frames && has_keys)
         file.stages.front().frames =
-            posed_frames(skeleton, scene.skeleton->every, scene.path);
+            posed_frames(skeleton, scene.skeleton->every, scene.path, warnings);
     return file;
 }
 

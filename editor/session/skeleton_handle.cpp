@@ -6,9 +6,12 @@
 #include <numbers>
 #include <set>
 
+#include <fmt/format.h>
+
 #include "io/error.h"
 #include "octree/base/index.h"
 #include "solver/skeleton/joint_keys.h"
+#include "solver/skeleton/keyed_reach.h"
 #include "solver/skeleton/reach.h"
 #include "solver/skeleton/skeleton.h"
 
@@ -257,6 +260,33 @@ Interpolation interpolation_of(KeyStep step)
     return Interpolation::Linear;
 }
 
+ShiftKeys shift_keys(const KeyTrack<3>& track)
+{
+    return {interpolation_of(track.step), track.times, track.values, track.tangents};
+}
+
+/// \p keyed: the pose that the other tracks make at a time.
+KeyedReach reach_of(const SkeletonValues& values, const KeyedReach::Keyed& keyed)
+{
+    Skeleton skeleton(joints_of(values.joints, {}));
+    std::vector<KeyedPlace> places;
+    for (const ReachTrack& track : values.reaches)
+    {
+        KeyedPlace& place = places.emplace_back();
+        place.joint = static_cast<int>(track.joint);
+        place.chain.assign(track.chain.begin(), track.chain.end());
+        if (place.chain.empty())
+            place.chain = usual_chain(skeleton, place.joint);
+        place.places = shift_keys(track);
+        place.is_hold = track.is_hold;
+    }
+    std::vector<std::size_t> keyed_joints;
+    for (const TurnTrack& track : values.turns)
+        keyed_joints.push_back(track.joint);
+    return {std::move(skeleton), std::move(places), keyed_joints, key_times(values),
+            keyed};
+}
+
 /// Frames of one scene: each of them is a list of moves.
 constexpr double kMostFrames = 100000;
 
@@ -335,6 +365,22 @@ struct KeyedJoints::Tracks
     std::vector<std::string> names; ///< of the joints
     std::vector<std::pair<std::size_t, TurnKeys>> turns;
     std::vector<std::pair<std::size_t, ShiftKeys>> shifts;
+    std::optional<KeyedReach> reach; ///< none: no joint reaches a place
+    /// Joints that reach places, and their fields in the scene.
+    std::vector<std::pair<std::size_t, std::string>> reached;
+
+    SkeletonPose pose_at(double time) const
+    {
+        SkeletonPose pose{{names.size(), Quaterniond::Identity()},
+                          {names.size(), Vector3d::Zero()}};
+        for (const auto& [joint, keys] : turns)
+            pose.turns[joint] = keys.at(time);
+        for (const auto& [joint, keys] : shifts)
+            pose.shifts[joint] = keys.at(time);
+        if (reach)
+            reach->solve(time, pose);
+        return pose;
+    }
 };
 
 KeyedJoints::KeyedJoints(const SkeletonValues& skeleton)
@@ -354,14 +400,21 @@ KeyedJoints::KeyedJoints(const SkeletonValues& skeleton)
         align_signs(keys);
     }
     for (const ShiftTrack& track : skeleton.shifts)
-        tracks->shifts.emplace_back(track.joint,
-                                    ShiftKeys{interpolation_of(track.step), track.times,
-                                              track.values, track.tangents});
+        tracks->shifts.emplace_back(track.joint, shift_keys(track));
+    if (!skeleton.reaches.empty())
+    {
+        const auto keyed = [&tracks](double time) { return tracks->pose_at(time); };
+        KeyedReach reach = reach_of(skeleton, keyed);
+        tracks->reach.emplace(std::move(reach));
+        for (const ReachTrack& track : skeleton.reaches)
+            tracks->reached.emplace_back(track.joint, track.field);
+    }
     tracks_ = tracks;
 }
 
 std::vector<Move> KeyedJoints::moves_at(double time) const
 {
+    const SkeletonPose pose = tracks_->pose_at(time);
     std::map<std::size_t, Move> moves;
     const auto move_of = [&](std::size_t joint) -> Move&
     {
@@ -369,12 +422,17 @@ std::vector<Move> KeyedJoints::moves_at(double time) const
         move.region = tracks_->names[joint];
         return move;
     };
+    std::set<std::size_t> turned;
     for (const auto& [joint, keys] : tracks_->turns)
-        move_of(joint).operations.push_back(turn_operation(keys.at(time)));
+        turned.insert(joint);
+    if (tracks_->reach)
+        turned.insert(tracks_->reach->joints().begin(), tracks_->reach->joints().end());
+    for (const std::size_t joint : turned)
+        move_of(joint).operations.push_back(turn_operation(pose.turns[joint]));
     for (const auto& [joint, keys] : tracks_->shifts)
     {
         Operation operation;
-        operation.vector = keys.at(time);
+        operation.vector = pose.shifts[joint];
         move_of(joint).operations.push_back(operation);
     }
     std::vector<Move> out;
@@ -385,12 +443,29 @@ std::vector<Move> KeyedJoints::moves_at(double time) const
 
 std::vector<JointMotion> KeyedJoints::motions_at(double time) const
 {
-    std::vector<JointMotion> motions(tracks_->names.size());
-    for (const auto& [joint, keys] : tracks_->turns)
-        motions[joint].turn = keys.at(time);
-    for (const auto& [joint, keys] : tracks_->shifts)
-        motions[joint].shift = keys.at(time);
+    const SkeletonPose pose = tracks_->pose_at(time);
+    std::vector<JointMotion> motions;
+    for (std::size_t joint = 0; joint < pose.turns.size(); ++joint)
+        motions.push_back({pose.turns[joint], pose.shifts[joint]});
     return motions;
+}
+
+std::vector<std::string> KeyedJoints::warnings(const std::string& file) const
+{
+    std::vector<std::string> out;
+    for (std::size_t k = 0; k < tracks_->reached.size(); ++k)
+    {
+        const auto& [joint, field] = tracks_->reached[k];
+        const KeyedReach::Miss& miss = tracks_->reach->misses()[k];
+        if (miss.distance > KeyedReach::kReached)
+            out.push_back(
+                at({file, 0, field},
+                   fmt::format("joint {} ends up to {:.3g} of the skeleton's "
+                               "size from its place, which is out of reach "
+                               "(at {:.4g} s)",
+                               tracks_->names[joint], miss.distance, miss.time)));
+    }
+    return out;
 }
 
 std::vector<double> key_times(const SkeletonValues& skeleton)
@@ -400,14 +475,19 @@ std::vector<double> key_times(const SkeletonValues& skeleton)
         times.insert(track.times.begin(), track.times.end());
     for (const ShiftTrack& track : skeleton.shifts)
         times.insert(track.times.begin(), track.times.end());
+    for (const ReachTrack& track : skeleton.reaches)
+        times.insert(track.times.begin(), track.times.end());
     return {times.begin(), times.end()};
 }
 
 std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
                                          std::optional<double> every,
-                                         const std::string& file)
+                                         const std::string& file,
+                                         std::vector<std::string>& warnings)
 {
     const KeyedJoints joints(skeleton);
+    for (std::string& warning : joints.warnings(file))
+        warnings.push_back(std::move(warning));
     std::vector<FrameStatement> frames;
     for (const double time : frame_times(skeleton, every, file))
     {

@@ -96,7 +96,9 @@ struct JointMotion
     Eigen::Vector3d shift = Eigen::Vector3d::Zero(); ///< [model unit]
 };
 
-/// What the tracks of a skeleton do to its joints at any time. Immutable.
+/// What the tracks of a skeleton do to its joints at any time, a function of the time
+/// alone: places that joints reach are solved for at each time that is asked for.
+/// Immutable.
 class KeyedJoints
 {
 public:
@@ -107,6 +109,8 @@ public:
     std::vector<Move> moves_at(double time) const;
     /// The same of every joint.
     std::vector<JointMotion> motions_at(double time) const;
+    /// Warnings of places out of reach. \p file: of the scene.
+    std::vector<std::string> warnings(const std::string& file) const;
 
 private:
     struct Tracks;
@@ -118,9 +122,10 @@ std::vector<double> key_times(const SkeletonValues& skeleton);
 
 /// The tracks of \p skeleton as frames, numbered from 1: at each time that has a key, or
 /// \p every so many seconds from the first on, and at the last. \p file: of the scene,
-/// for messages. Fault::Usage where skeletons are not built.
+/// for messages. Adds warnings. Fault::Usage where skeletons are not built.
 std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
                                          std::optional<double> every,
-                                         const std::string& file);
+                                         const std::string& file,
+                                         std::vector<std::string>& warnings);
 
 } // namespace cellwarp

@@ -150,7 +150,9 @@ std::string Film::poses_of(const Document& document)
     const SceneFile scene = document.scene();
     if (!scene.time)
         return "";
-    const std::size_t own = document.num_frames_without_key();
+    // Without keys the frames are what is played.
+    const std::size_t own =
+        document.has_keys_of_scene() ? document.num_frames_without_key() : 0;
     return "the poses of " + std::filesystem::path(scene.path).filename().string() +
            (own == 0   ? ""
             : own == 1 ? ", without the one made here"

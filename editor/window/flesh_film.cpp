@@ -32,7 +32,8 @@ FleshSimulation simulation_of(const FilmScene& of)
     cells.max_memory = default_memory_limit();
     // Of the document's scene the skeleton has become statements.
     return FleshSimulation(geometry_of(of.model),
-                           parse_scene(of.scene.path, of.scene.text), cells);
+                           parse_scene(of.scene.path, of.scene.text), cells, false,
+                           of.handles);
 }
 
 class FleshFilm final : public FilmSource

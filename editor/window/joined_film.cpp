@@ -16,7 +16,8 @@ class JoinedFilm final : public FilmSource
 public:
     explicit JoinedFilm(const FilmScene& of)
         : simulation_(geometry_of(of.model), parse_scene(of.scene.path, of.scene.text),
-                      parse_rod_scene(of.scene.path, of.scene.text), cells_for(of))
+                      parse_rod_scene(of.scene.path, of.scene.text), cells_for(of), false,
+                      of.handles)
     {
     }
 

@@ -69,6 +69,35 @@ TEST(SkeletonScene, keys_of_a_joint_are_one_track_in_the_order_of_their_times)
     EXPECT_EQ(values.shifts[0].values[0], Eigen::Vector3d(0, 1, 0));
 }
 
+TEST(SkeletonScene, places_of_keys_are_tracks_with_the_chain_that_turns_for_them)
+{
+    const SkeletonValues values = values_of(kJoints + R"(, "keys": [
+        {"time": 1, "joint": "elbow", "to": [1, 1, 0], "from": "shoulder"},
+        {"time": 0, "joint": "elbow", "to": [1, 0, 0], "rotate": [0, 0, 1, 20]}])");
+    ASSERT_EQ(values.reaches.size(), 1u);
+    EXPECT_EQ(values.reaches[0].joint, 1u);
+    EXPECT_EQ(values.reaches[0].step, KeyStep::Linear);
+    EXPECT_EQ(values.reaches[0].times, (std::vector<double>{0, 1}));
+    EXPECT_EQ(values.reaches[0].values[1], Eigen::Vector3d(1, 1, 0));
+    EXPECT_EQ(values.reaches[0].chain, std::vector<std::size_t>{0});
+    EXPECT_FALSE(values.reaches[0].is_hold);
+    EXPECT_EQ(values.turns.size(), 1u); // its own
+    const std::string with_keys = kJoints + R"(, "keys": [{"time": 1, "joint": )";
+    EXPECT_TRUE(contains(refusal(with_keys + R"("shoulder", "to": [1, 0, 0]}])"),
+                         "skeleton.keys[0].to: joint shoulder is a root"));
+    EXPECT_TRUE(
+        contains(refusal(with_keys + R"("elbow", "to": [1, 0, 0], "from": "elbow"}])"),
+                 "skeleton.keys[0].from: 'elbow' is no joint above elbow"));
+    EXPECT_TRUE(contains(refusal(with_keys + R"("elbow", "to": [1, 0]}])"),
+                         "skeleton.keys[0].to: "));
+    EXPECT_TRUE(contains(
+        refusal(with_keys + R"("elbow", "rotate": [1, 0, 0, 1], "from": "shoulder"}])"),
+        "skeleton.keys[0].from: is for a key with to"));
+    EXPECT_TRUE(contains(refusal(with_keys + R"("elbow", "to": [1, 0, 0]},
+                                 {"time": 1, "joint": "elbow", "to": [1, 1, 0]}])"),
+                         "has a key at 1 already"));
+}
+
 TEST(SkeletonScene, one_radius_is_that_of_all_bones)
 {
     for (const SkeletonJoint& joint :
@@ -100,7 +129,7 @@ TEST(SkeletonScene, what_is_wrong_is_told_by_its_key)
                                {"time": 1, "joint": "elbow", "rotate": [1, 0, 0, 6]}])"),
         "skeleton.keys[1]: joint elbow has a key at 1 already"));
     EXPECT_TRUE(contains(refusal(with_keys + R"({"time": 1, "joint": "elbow"}])"),
-                         "needs rotate or translate"));
+                         "needs rotate, translate or to"));
     EXPECT_TRUE(contains(refusal(kJoints + R"(, "interpolation": "linear")"),
                          "need one of slerp, squad"));
 }

@@ -185,6 +185,121 @@ TEST(SimulateFlesh, check_tells_of_the_flesh_and_refuses_what_simulate_refuses)
     }
 }
 
+namespace
+{
+
+/// The bar with joints alone, moved by a handle file or by keys.
+struct Played
+{
+    Files files;
+    std::string scene;
+
+    explicit Played(const std::string& handles, const std::string& keys = "",
+                    const std::string& duration = "0.2")
+    {
+        if (!handles.empty())
+            files.folder.write("b.handles", "cellwarp-handles 1\n" + handles);
+        scene = files.folder.write(
+            "played.json",
+            R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {"joints": [
+                {"name": "root", "parent": null, "at": [0, 0, 0]},
+                {"name": "knee", "parent": "root", "at": [0, 0, 2]},
+                {"name": "foot", "parent": "knee", "at": [0, 0, 4]}],
+              "E": 2e4, "across": 8)" +
+                keys + R"(}, "simulate": {"duration": )" + duration + "}" +
+                (handles.empty() ? "" : R"(, "handles": "b.handles")") + "}");
+    }
+    /// Where the end of the bar's axis is in the frames.
+    std::vector<Eigen::Vector3d> tips(const std::string& threads = "1") const
+    {
+        const Result result = run({"simulate", scene, "-o", files.folder / "p{frame}.obj",
+                                   "--json", "--overwrite", "--threads", threads});
+        EXPECT_EQ(result.code, 0) << result.err;
+        const Geometry rest = read_geometry(files.folder / "bar.obj").geometry;
+        std::vector<Eigen::Vector3d> tips;
+        const std::size_t count = Json::parse(result.out)["frames"].size();
+        for (std::size_t frame = 0; frame < count; ++frame)
+        {
+            const Geometry now =
+                read_geometry(files.folder / "p" + std::to_string(frame) + ".obj")
+                    .geometry;
+            for (std::size_t i = 0; i < rest.samples.size(); ++i)
+                if ((rest.samples[i] - Eigen::Vector3d(0, 0, 4)).norm() < 1e-9)
+                    tips.push_back(now.samples[i]);
+        }
+        EXPECT_EQ(tips.size(), count);
+        return tips;
+    }
+};
+
+} // namespace
+
+TEST(SimulateFlesh, frames_of_a_handle_file_are_played)
+{
+    const std::string frames = "frame 3\nmove foot to 0 2 2\nframe 6\n"
+                               "move root translate 0 0.2 0\n";
+    const Played played(frames);
+    const std::vector<Eigen::Vector3d> tips = played.tips();
+    ASSERT_EQ(tips.size(), 7u);
+    EXPECT_LT((tips[0] - Eigen::Vector3d(0, 0, 4)).norm(), 1e-12);
+    for (const int frame : {3, 4, 5, 6}) // it is held there
+        EXPECT_LT(
+            (tips[static_cast<std::size_t>(frame)] - Eigen::Vector3d(0, 2, 2)).norm(),
+            1e-6)
+            << frame;
+    // A shorter run is the beginning of a longer one, for any number of threads.
+    const std::string third = support::bytes_of(played.files.folder / "p3.obj");
+    const Played shorter(frames, "", "0.1");
+    shorter.tips("2");
+    EXPECT_EQ(support::bytes_of(shorter.files.folder / "p3.obj"), third);
+    const Result check = run({"check", played.scene});
+    EXPECT_EQ(check.code, 0) << check.err;
+    EXPECT_TRUE(contains(check.out, "2 frames: in order"));
+}
+
+TEST(SimulateFlesh, a_joint_reaches_the_places_of_its_keys)
+{
+    const Played played("", R"(, "keys": [
+        {"time": 0, "joint": "foot", "to": [0, 0, 4]},
+        {"time": 0.1, "joint": "foot", "to": [0, 2, 2]}])");
+    const std::vector<Eigen::Vector3d> tips = played.tips();
+    for (std::size_t frame = 0; frame < tips.size(); ++frame)
+    {
+        const double share = std::min(1.0, static_cast<double>(frame) / 3.0);
+        EXPECT_LT((tips[frame] - Eigen::Vector3d(0, 2 * share, 4 - 2 * share)).norm(),
+                  1e-6)
+            << frame;
+    }
+    // deform has the poses at the keys.
+    const Result deform = run({"deform", played.scene, "-o",
+                               played.files.folder / "d{frame}.obj", "--overwrite"});
+    EXPECT_EQ(deform.code, 0) << deform.err;
+    const Played far("", R"(, "keys": [{"time": 0, "joint": "foot", "to": [0, 9, 0]}])");
+    const Result warned = run({"simulate", far.scene, "--json"});
+    EXPECT_EQ(warned.code, 0) << warned.err;
+    EXPECT_TRUE(contains(Json::parse(warned.out)["warnings"].dump(),
+                         "skeleton.keys[0]: joint foot ends up to"));
+}
+
+TEST(SimulateFlesh, statements_that_cannot_be_played_are_refused)
+{
+    for (const char* handles :
+         {"fixed base box -1 -1 -1 1 1 0.5\nframe 1\n",
+          "handle top box -1 -1 3 1 1 5\nframe 1\nmove top translate 0 1 0\n",
+          "stiff s box -1 -1 3 1 1 5 20\n",
+          "rod r through 0 0 0 0 0 4 radius 0.1\nframe 1\nmove r translate 0 1 0\n"})
+    {
+        const Played played(handles);
+        const Result result = run({"simulate", played.scene, "--json"});
+        EXPECT_EQ(result.code, 3) << handles;
+        EXPECT_TRUE(contains(result.err, "b.handles:2: ")) << result.err;
+        EXPECT_TRUE(contains(result.err, "cannot be played by simulate"));
+        const Result check = run({"check", played.scene, "--json"});
+        EXPECT_EQ(check.code, 3);
+        EXPECT_EQ(check.err, result.err);
+    }
+}
+
 TEST(SimulateFlesh, does_not_wait_for_what_falls_without_end_to_come_to_rest)
 {
     const Files files;

@@ -463,6 +463,27 @@ TEST(FleshSimulation, a_frame_from_a_snapshot_is_the_baked_one_to_the_bit)
     EXPECT_EQ(live->deformed().samples, baked->deformed().samples);
 }
 
+TEST(FleshSimulation, places_that_are_reached_depend_on_the_time_alone)
+{
+    Bar bar;
+    bar.keys = R"({"time": 0, "joint": "foot", "to": [0, 0, 4]},
+                  {"time": 0.5, "joint": "foot", "to": [0, 2, 3]})";
+    const auto baked = bar.start();
+    for (int frame = 0; frame < 6; ++frame)
+        baked->next_frame();
+    const FleshSimulation::Snapshot snapshot = baked->snapshot();
+    for (int frame = 0; frame < 4; ++frame)
+        baked->next_frame();
+    EXPECT_LT((baked->joints()[2].place - Vector3d(0, 4.0 / 3.0, 4 - 2.0 / 3.0)).norm(),
+              1e-9);
+    const auto other = bar.start();
+    other->next_frame();
+    other->go_to(snapshot);
+    for (int frame = 0; frame < 4; ++frame)
+        other->next_frame();
+    EXPECT_TRUE(other->snapshot().state == baked->snapshot().state);
+}
+
 TEST(FleshSimulation, joints_are_led_by_hand_while_time_runs)
 {
     const Bar bar;

@@ -79,6 +79,38 @@ TEST(FleshFilm, has_the_frames_of_simulate_to_the_bit)
     EXPECT_EQ(film.shape(6)->lines[2].name, "foot");
 }
 
+TEST(FleshFilm, has_the_frames_that_are_made_by_hand_where_there_are_no_keys)
+{
+    Desk desk(
+        [](const support::Folder& folder)
+        {
+            return Desk::limb(folder, R"(, "E": 1e6, "across": 8, "every": 0.1)",
+                              R"(, "simulate": {"duration": 0.1, "gravity": [0, 0, 0]})");
+        });
+    Document& document = desk.document();
+    Placement to = document.region("knee")->placement;
+    to.axis = Vector3d::UnitZ();
+    to.degrees = 30.0;
+    document.move_region("knee", to);
+    EXPECT_EQ(Film::poses_of(document), "the poses of limb.json");
+    const Film film(desk.editing);
+    while (film.is_working())
+        pause();
+    EXPECT_EQ(film.error(), "");
+    ASSERT_EQ(film.num_made(), 4);
+    const std::string saved = desk.folder / "saved.json";
+    document.save(saved);
+    const support::Folder folder;
+    const support::Result simulated =
+        support::run({"simulate", saved, "-o", folder / "f{frame}.obj"});
+    ASSERT_EQ(simulated.code, 0) << simulated.err;
+    const Geometry baked = read_geometry(folder / "f3.obj").geometry;
+    EXPECT_EQ(film.shape(3)->positions,
+              shown_at(baked, baked.samples, layout_of(baked), desk.editing.view_frame())
+                  .positions);
+    EXPECT_NE(film.shape(3)->positions, film.shape(0)->positions);
+}
+
 TEST(LiveFlesh, is_pulled_at_any_place)
 {
     Desk desk(limb);
