@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 #include <system_error>
 
@@ -67,6 +68,12 @@ std::vector<RegionShape> tube_of(const SplineHandle& spline, const Units& units)
     return shapes;
 }
 
+/// The edge of a coarsest cell [work].
+double edge_of(const Units& units)
+{
+    return units.cell_edge > 0 ? units.cell_edge : kUsualEdge * units.frame.diagonal();
+}
+
 /// Half a coarsest cell, unless the statement tells.
 double radius_of(const SplineStatement& statement, const Units& units)
 {
@@ -75,8 +82,25 @@ double radius_of(const SplineStatement& statement, const Units& units)
         const double unit = units.is_relative ? units.box.size().norm() : 1.0;
         return std::ldexp(*statement.radius * unit, units.frame.exponent);
     }
-    return 0.5 *
-           (units.cell_edge > 0 ? units.cell_edge : kUsualEdge * units.frame.diagonal());
+    return 0.5 * edge_of(units);
+}
+
+/// Spans in each gap: those of the statement, but of a rod that pushes back so few that
+/// they are no shorter than a cell on average. Cells act on such a rod at their centres
+/// alone. Shorter spans would resolve its way from a held place to the next centre, on
+/// which a rod that bends but does not shear kinks under the cells' forces.
+std::int64_t spans_of(const SplineStatement& statement,
+                      std::span<const Eigen::Vector3d> points, const Units& units)
+{
+    if (!statement.stiffness || points.size() < 2)
+        return statement.spans;
+    double length = statement.is_closed ? (points.front() - points.back()).norm() : 0.0;
+    for (std::size_t k = 1; k < points.size(); ++k)
+        length += (points[k] - points[k - 1]).norm();
+    const std::size_t gaps = points.size() - (statement.is_closed ? 0 : 1);
+    const double cells = length / static_cast<double>(gaps) / edge_of(units);
+    return static_cast<std::int64_t>(
+        std::clamp(cells, 1.0, static_cast<double>(statement.spans)));
 }
 
 /// A rod stays nearer to the centre line than this, of the limb's radius and of its
@@ -133,6 +157,7 @@ void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3
     SplineStatement spline = *statement.spline;
     if (spline.form == SplineStatement::Form::Skeleton)
         spline.form = SplineStatement::Form::Through;
+    spline.spans = spans_of(spline, points, units);
     try
     {
         region.spline =

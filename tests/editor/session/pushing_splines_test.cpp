@@ -9,11 +9,13 @@
 #include <gtest/gtest.h>
 
 #include "editor/session/pushing_splines.h"
+#include "io/geometry_file.h"
 #include "io/number.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "tests/support/bodies.h"
 #include "tests/support/sessions.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -134,6 +136,34 @@ TEST(PushingSplines, a_rod_of_more_spans_takes_about_as_many_iterations)
     };
     const int few = solve_of(4), many = solve_of(40);
     EXPECT_LE(many, 2 * few);
+}
+
+TEST(PushingSplines,
+     a_soft_rod_pressed_at_its_held_end_converges_with_any_number_of_spans)
+{
+    const Geometry hose = read_geometry(support::samples_folder() + "/hose.obj").geometry;
+    const auto iterations = [&](int spans)
+    {
+        Session session(
+            hose,
+            handles("rod hose through 0 0 0  0 0 1.14286  0 0 2.28571  0 0 3.42857  "
+                    "0 0 4.57143  0 0 5.71429  0 0 6.85714  0 0 8 stiffness 1 spans " +
+                    std::to_string(spans) +
+                    "\nframe 1\nmove hose point 1 to 0 0.1 1.1\n"
+                    "move hose point 2 to 0.1 0.9 1.85\n"
+                    "move hose point 3 to 0.45 1.9 1.6\n"
+                    "move hose point 4 to 1.2 2.15 0.8\n"
+                    "move hose point 5 to 1.9 1.5 0.25\n"
+                    "move hose point 6 to 2.7 0.8 0.6\n"
+                    "move hose point 7 to 3.1 0.6 1.7\nrelease hose end tangent twist\n"),
+            SessionSettings());
+        EXPECT_TRUE(session.next_frame(true));
+        EXPECT_EQ(session.frames().back().solve.stop, Stop::Converged) << spans;
+        return session.frames().back().solve.iterations;
+    };
+    const int few = iterations(4);
+    for (const int spans : {16, 32, 64})
+        EXPECT_LE(iterations(spans), 1.5 * few) << spans;
 }
 
 TEST(PushingSplines, holds_are_kept_and_carried_cells_follow_the_frames)
