@@ -4,6 +4,7 @@
 #include "solver/flesh/flesh_forces.h"
 
 #include <algorithm>
+#include <type_traits>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -25,6 +26,16 @@ using Eigen::VectorXd;
 constexpr std::size_t kRowsOfBlock = 24;
 /// Eight numbers of each axis.
 constexpr std::size_t kRowsOfTube = 3;
+
+/// The numbers of a part's corners, a column each.
+template <class Vector>
+auto by_corners(Vector& of)
+{
+    using Matrix =
+        std::conditional_t<std::is_const_v<Vector>, const Eigen::Matrix<double, 3, 8>,
+                           Eigen::Matrix<double, 3, 8>>;
+    return Eigen::Map<Matrix>(of.data());
+}
 
 /// Blocks and nodes that are worth a thread of their own.
 constexpr std::size_t kGrainOfBlocks = 16, kGrainOfNodes = 1024;
@@ -54,7 +65,7 @@ Matrix3d rotation_of(const Matrix3d& F)
     return R;
 }
 
-void set_part(BoxBlock& block, std::size_t lane, const PartPoints& points,
+void set_part(PartBlock& block, std::size_t lane, const PartPoints& points,
               const FleshMaterial& material)
 {
     Vector3d centre = Vector3d::Zero();
@@ -78,47 +89,25 @@ void set_part(BoxBlock& block, std::size_t lane, const PartPoints& points,
             block.mode_solve[next++].lane[lane] = solve(r, c);
 }
 
-void set_part(DrawnBlock& block, std::size_t lane, const PartPoints& points,
-              const FleshMaterial& material)
-{
-    for (std::size_t k = 0; k < 8; ++k)
-    {
-        for (int j = 0; j < 3; ++j)
-            for (int i = 0; i < 3; ++i)
-            {
-                const std::size_t row = 9 * k + idx(3 * j + i);
-                block.inverse[row].lane[lane] = points.inverse[k](i, j);
-                block.modes[row].lane[lane] = points.modes[k](i, j);
-            }
-        block.weight[k].lane[lane] = points.weight[k];
-    }
-    const Eigen::Matrix<double, 9, 9> solve = mode_solve(points, material);
-    for (int r = 0; r < 9; ++r)
-        for (int c = 0; c < 9; ++c)
-            block.mode_solve[idx(9 * r + c)].lane[lane] = solve(r, c);
-}
-
 /// All lanes of a block, the last ones filled up with the first.
-template <class Block>
-void fill_up(Block& block, std::size_t used)
+void fill_up(PartBlock& block, std::size_t used)
 {
     PartRow* const rows = reinterpret_cast<PartRow*>(&block);
-    for (std::size_t r = 0; r < sizeof(Block) / sizeof(PartRow); ++r)
+    for (std::size_t r = 0; r < sizeof(PartBlock) / sizeof(PartRow); ++r)
         for (std::size_t l = used; l < kPartLanes; ++l)
             rows[r].lane[l] = rows[r].lane[0];
 }
 
-template <class Block>
-std::vector<Block> blocks_of(const Lattice& lattice,
-                             std::span<const FleshMaterial> materials)
+std::vector<PartBlock> blocks_of(const Lattice& lattice,
+                                 std::span<const FleshMaterial> materials)
 {
-    std::vector<Block> blocks((lattice.parts.size() + kPartLanes - 1) / kPartLanes);
+    std::vector<PartBlock> blocks((lattice.parts.size() + kPartLanes - 1) / kPartLanes);
     const auto set = [&](std::size_t p)
     {
         const LatticePart& part = lattice.parts[p];
         const FleshMaterial& material = materials[idx(part.material)];
         const PartPoints points = points_of(lattice, part);
-        Block& block = blocks[p / kPartLanes];
+        PartBlock& block = blocks[p / kPartLanes];
         const std::size_t lane = p % kPartLanes;
         block.lambda.lane[lane] = material.lambda();
         block.shear.lane[lane] = material.shear();
@@ -153,9 +142,19 @@ FleshForces::FleshForces(const Lattice& lattice, std::span<const FleshMaterial> 
       materials_(materials.begin(), materials.end()), tubes_(std::move(tubes))
 {
     if (lattice.has_boxes)
-        boxes_ = blocks_of<BoxBlock>(lattice, materials);
+        blocks_ = blocks_of(lattice, materials);
     else
-        drawn_ = blocks_of<DrawnBlock>(lattice, materials);
+        for (const LatticePart& part : lattice.parts)
+        {
+            const FleshMaterial& material = materials[idx(part.material)];
+            const PartPoints points = points_of(lattice, part);
+            hessians_.push_back(stiffness_of(points, material));
+            DrawnPart& drawn = drawn_.emplace_back();
+            drawn.mass = mass_of(points, material.density);
+            drawn.slopes.setZero();
+            for (int k = 0; k < 8; ++k)
+                drawn.slopes += points.weight[idx(k)] * points.slopes(k);
+        }
     const std::size_t num_parts = lattice.parts.size();
     num_blocks_ = (num_parts + kPartLanes - 1) / kPartLanes;
     nodes_.resize(8 * kPartLanes * num_blocks_);
@@ -196,18 +195,18 @@ FleshForces::FleshForces(const Lattice& lattice, std::span<const FleshMaterial> 
     stand_still();
 }
 
-template <class Call>
-void FleshForces::for_blocks(Call&& call) const
+/// \p how: what all blocks have.
+void FleshForces::run_blocks(const PartRun& how, void (*kernel)(const PartRun&)) const
 {
-    parallel_for(num_blocks_, kGrainOfBlocks,
+    parallel_for(blocks_.size(), kGrainOfBlocks,
                  [&](std::size_t b)
                  {
-                     if (lattice_.has_boxes)
-                         call(b, PartRun<BoxBlock>{&boxes_[b]}, kernels_.boxes,
-                              kernels_.box_gradients);
-                     else
-                         call(b, PartRun<DrawnBlock>{&drawn_[b]}, kernels_.drawn,
-                              kernels_.drawn_gradients);
+                     PartRun run = how;
+                     run.block = &blocks_[b];
+                     run.nodes = &nodes_[8 * kPartLanes * b];
+                     run.frames = &frame_rows_[9 * b];
+                     run.out = &given_[kRowsOfBlock * b];
+                     kernel(run);
                  });
 }
 
@@ -221,19 +220,20 @@ void FleshForces::stand_still()
 
 void FleshForces::mean_deformations(const VectorXd& u, std::vector<Matrix3d>& out) const
 {
-    for_blocks(
-        [&](std::size_t b, auto run, auto, auto gradients)
-        {
-            run.nodes = &nodes_[8 * kPartLanes * b];
-            run.values = u.data();
-            run.out = &given_[kRowsOfBlock * b];
-            gradients(run);
-        });
+    PartRun run;
+    run.values = u.data();
+    run_blocks(run, kernels_.gradients);
     out.assign(frames_.size(), Matrix3d::Identity());
     for (std::size_t p = 0; p < lattice_.parts.size(); ++p)
     {
-        const PartRow* const rows = &given_[kRowsOfBlock * (p / kPartLanes)];
         Matrix3d& F = out[idx(cell_of_part_[p])];
+        if (!drawn_.empty())
+        {
+            const PartVector values = corners(u, p);
+            F += share_of_cell_[p] * by_corners(values) * drawn_[p].slopes.transpose();
+            continue;
+        }
+        const PartRow* const rows = &given_[kRowsOfBlock * (p / kPartLanes)];
         for (int i = 0; i < 9; ++i)
             F(i) += share_of_cell_[p] * rows[i].lane[p % kPartLanes];
     }
@@ -245,6 +245,17 @@ PartVector FleshForces::corners(const VectorXd& x, std::size_t part) const
     const CornerNodes& nodes = lattice_.cells[idx(cell_of_part_[part])];
     for (int a = 0; a < 8; ++a)
         out.segment<3>(3 * a) = x.segment<3>(3 * nodes[idx(a)]);
+    return out;
+}
+
+/// R H R^T times values of a part's corners.
+PartVector FleshForces::product(const PartVector& values, std::size_t part) const
+{
+    const Matrix3d& R = frames_[idx(cell_of_part_[part])];
+    PartVector turned, out;
+    by_corners(turned) = R.transpose() * by_corners(values);
+    turned = (hessians_[part] * turned).eval();
+    by_corners(out) = R * by_corners(turned);
     return out;
 }
 
@@ -357,24 +368,51 @@ void FleshForces::gather(VectorXd& out) const
 void FleshForces::multiply(const VectorXd& x, const FleshFactors& factors,
                            VectorXd& y) const
 {
-    for_blocks(
-        [&](std::size_t b, auto run, auto product, auto)
-        {
-            run.nodes = &nodes_[8 * kPartLanes * b];
-            run.values = x.data();
-            run.frames = &frame_rows_[9 * b];
-            run.mass = factors.mass;
-            run.stiffness = law_ ? 0.0 : factors.stiffness;
-            run.out = &given_[kRowsOfBlock * b];
-            product(run);
-        });
-    if (law_ && factors.stiffness != 0.0)
-        parallel_for(
-            hessians_.size(), kGrainOfBlocks * kPartLanes,
-            [&](std::size_t p)
-            { give(factors.stiffness * (hessians_[p] * corners(x, p)), p, true); });
+    PartRun run;
+    run.values = x.data();
+    run.mass = factors.mass;
+    run.stiffness = law_ ? 0.0 : factors.stiffness;
+    run_blocks(run, kernels_.product);
+    if (!drawn_.empty() || (law_ && factors.stiffness != 0.0))
+        parallel_for(lattice_.parts.size(), kGrainOfBlocks * kPartLanes,
+                     [&](std::size_t p)
+                     {
+                         const PartVector v = corners(x, p);
+                         PartVector sum = PartVector::Zero();
+                         if (factors.stiffness != 0.0)
+                             sum = factors.stiffness * product(v, p);
+                         if (!drawn_.empty())
+                             by_corners(sum) +=
+                                 factors.mass * by_corners(v) * drawn_[p].mass;
+                         give(sum, p, drawn_.empty());
+                     });
     add_tubes(x, factors.tube);
     gather(y);
+}
+
+/// Elastic forces of small strain, times \p factor, into the parts' places.
+void FleshForces::pull_to_rest(const VectorXd& u, double factor) const
+{
+    PartRun run;
+    run.values = u.data();
+    run.stiffness = factor;
+    run.from_rest = true;
+    run_blocks(run, kernels_.product);
+    parallel_for(drawn_.size(), kGrainOfBlocks * kPartLanes,
+                 [&](std::size_t p)
+                 {
+                     // Forces sum to zero: rest may be seen from the first corner.
+                     const CornerNodes& nodes = lattice_.cells[idx(cell_of_part_[p])];
+                     const Matrix3d& R = frames_[idx(cell_of_part_[p])];
+                     PartVector way = corners(u, p);
+                     for (std::size_t a = 0; a < 8; ++a)
+                     {
+                         const Vector3d x = lattice_.places[idx(nodes[a])] -
+                                            lattice_.places[idx(nodes[0])];
+                         way.segment<3>(Eigen::Index(3 * a)) += x - R * x;
+                     }
+                     give(factor * product(way, p), p, false);
+                 });
 }
 
 void FleshForces::forces(const VectorXd& u, std::span<const Motion> motions,
@@ -391,17 +429,7 @@ void FleshForces::forces(const VectorXd& u, std::span<const Motion> motions,
                               p, false);
                      });
     else
-        for_blocks(
-            [&](std::size_t b, auto run, auto product, auto)
-            {
-                run.nodes = &nodes_[8 * kPartLanes * b];
-                run.values = u.data();
-                run.frames = &frame_rows_[9 * b];
-                run.stiffness = -1.0;
-                run.from_rest = true;
-                run.out = &given_[kRowsOfBlock * b];
-                product(run);
-            });
+        pull_to_rest(u, -1.0);
     for (std::size_t t = 0; t < tubes_.size(); ++t)
     {
         const TubePart& tube = tubes_[t];
@@ -425,17 +453,7 @@ double FleshForces::elastic_energy(const VectorXd& u) const
         return energy;
     }
     // 1/2 z^T K z, z = R^T (X + u) - X: the force times what the corners went from R X.
-    for_blocks(
-        [&](std::size_t b, auto run, auto product, auto)
-        {
-            run.nodes = &nodes_[8 * kPartLanes * b];
-            run.values = u.data();
-            run.frames = &frame_rows_[9 * b];
-            run.stiffness = 1.0;
-            run.from_rest = true;
-            run.out = &given_[kRowsOfBlock * b];
-            product(run);
-        });
+    pull_to_rest(u, 1.0);
     double energy = 0.0;
     for (std::size_t p = 0; p < lattice_.parts.size(); ++p)
     {

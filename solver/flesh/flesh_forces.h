@@ -49,7 +49,7 @@ public:
     void stand_still();
     /// Of the last follow().
     const std::vector<Eigen::Matrix3d>& frames() const { return frames_; }
-    /// Second derivatives of the parts, made positive; none without a law.
+    /// Second derivatives of the parts, made positive, of the last follow() with a law.
     const std::vector<PartMatrix>& hessians() const { return hessians_; }
     const std::vector<TubePart>& tubes() const { return tubes_; }
     /// F, the mean of each cell.
@@ -87,22 +87,31 @@ private:
     Eigen::Matrix<double, 8, 3> way_to_bone(const TubePart& tube,
                                             const Eigen::VectorXd& u,
                                             std::span<const Motion> motions) const;
-    template <class Call>
-    void for_blocks(Call&& call) const;
+    PartVector product(const PartVector& values, std::size_t part) const;
+    void run_blocks(const PartRun& how, void (*kernel)(const PartRun&)) const;
+    void pull_to_rest(const Eigen::VectorXd& u, double factor) const;
 
     const Lattice& lattice_;
     PartKernels kernels_;
     std::size_t num_nodes_ = 0, num_blocks_ = 0;
     std::vector<FleshMaterial> materials_;
     std::vector<TubePart> tubes_;
-    std::vector<BoxBlock> boxes_;
-    std::vector<DrawnBlock> drawn_;
+    std::vector<PartBlock> blocks_; ///< of boxes
+    /// Mass and sum of the slopes' weighted values of a hexahedron that was drawn.
+    struct DrawnPart
+    {
+        Eigen::Matrix<double, 8, 8> mass;
+        Eigen::Matrix<double, 3, 8> slopes;
+    };
+    std::vector<DrawnPart> drawn_;
     std::vector<int> nodes_;          ///< of each block 8 corners of 8 parts
     std::vector<PartRow> frame_rows_; ///< nine a block
     std::vector<int> cell_of_part_;   ///< lane by lane
     std::optional<StrainLaw> law_;
-    std::vector<PartPoints> points_;      ///< of the parts, with a law
-    std::vector<PartMatrix> hessians_;    ///< of the last follow()
+    std::vector<PartPoints> points_; ///< of the parts, with a law
+    /// In the frames of the cells: with a law of the last follow(), of drawn hexahedra
+    /// without one at rest.
+    std::vector<PartMatrix> hessians_;
     std::vector<double> share_of_cell_;   ///< of a part's volume in its cell
     std::vector<Eigen::Matrix3d> frames_; ///< of each cell
     /// Where the x of a node stands in what the parts give, once for each part that has

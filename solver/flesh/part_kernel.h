@@ -20,17 +20,12 @@ struct alignas(64) PartRow
     double lane[kPartLanes];
 };
 
-/// What all parts have. Matrices are by columns: row 3 j + i is entry (i, j).
+/// Parts of boxes: point k is at centre + sum_i sign_of(k, i) spread column i, in units
+/// of the box, from its middle. Matrices are by columns: row 3 j + i is entry (i, j).
 struct PartBlock
 {
     PartRow lambda, shear, density;
     PartRow rest[24]; ///< corners, from the middle of the cell
-};
-
-/// Parts of boxes: point k is at centre + sum_i sign_of(k, i) spread column i, in units
-/// of the box, from its middle.
-struct BoxBlock : PartBlock
-{
     PartRow centre[3], spread[9];
     PartRow inverse_edge; ///< of the box
     PartRow weight;       ///< of each point
@@ -38,20 +33,10 @@ struct BoxBlock : PartBlock
     PartRow mode_solve[45];
 };
 
-/// Hexahedra that were drawn.
-struct DrawnBlock : PartBlock
-{
-    PartRow inverse[72]; ///< PartPoints::inverse, of each point
-    PartRow modes[72];   ///< PartPoints::modes, of each point
-    PartRow weight[8];
-    PartRow mode_solve[81];
-};
-
 /// One block's part in a product.
-template <class Block>
 struct PartRun
 {
-    const Block* block = nullptr;
+    const PartBlock* block = nullptr;
     const int* nodes = nullptr;      ///< of each corner, all lanes
     const double* values = nullptr;  ///< three a node
     const PartRow* frames = nullptr; ///< R, nine rows
@@ -65,11 +50,9 @@ struct PartRun
 /// Of values v: mass M v + stiffness R K R^T v; or what pulls back from rest.
 struct PartKernels
 {
-    void (*boxes)(const PartRun<BoxBlock>&);
-    void (*drawn)(const PartRun<DrawnBlock>&);
+    void (*product)(const PartRun&);
     /// sum w grad of the values alone, nine rows.
-    void (*box_gradients)(const PartRun<BoxBlock>&);
-    void (*drawn_gradients)(const PartRun<DrawnBlock>&);
+    void (*gradients)(const PartRun&);
 };
 
 PartKernels part_kernels(InstructionSet set);

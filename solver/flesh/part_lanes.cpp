@@ -50,136 +50,11 @@ struct Coefficients
     Lanes c[8]; ///< 1, xi, eta, xi eta, zeta, xi zeta, eta zeta, xi eta zeta
 };
 
-/// A point and its products.
-struct Place
-{
-    Lanes x, y, z, xy, yz, zx;
-};
-
-inline Place place_of(Lanes x, Lanes y, Lanes z)
-{
-    return {x, y, z, x * y, y * z, z * x};
-}
-
-inline double sign_of(int k, int axis)
-{
-    return (k >> axis & 1) ? 1.0 : -1.0;
-}
-
-inline Place point(const BoxBlock& block, int k, std::size_t lane)
-{
-    Lanes at[3];
-    for (int c = 0; c < 3; ++c)
-    {
-        at[c] = load(block.centre[c], lane);
-        for (int i = 0; i < 3; ++i)
-            at[c] += sign_of(k, i) * load(block.spread[3 * i + c], lane);
-    }
-    return place_of(at[0], at[1], at[2]);
-}
-
-inline Place point(const DrawnBlock&, int k, std::size_t)
-{
-    constexpr double kGauss = 0.28867513459481288225; // 1 / sqrt 12
-    const Lanes zero = {};
-    return place_of(zero + kGauss * sign_of(k, 0), zero + kGauss * sign_of(k, 1),
-                    zero + kGauss * sign_of(k, 2));
-}
-
-inline Lanes weight(const BoxBlock& block, int, std::size_t lane)
-{
-    return load(block.weight, lane);
-}
-inline Lanes weight(const DrawnBlock& block, int k, std::size_t lane)
-{
-    return load(block.weight[k], lane);
-}
-
-/// By local coordinates.
-inline void slopes(const Coefficients& f, const Place& at, Lanes* out)
-{
-    out[0] = f.c[1] + f.c[3] * at.y + f.c[5] * at.z + f.c[7] * at.yz;
-    out[1] = f.c[2] + f.c[3] * at.x + f.c[6] * at.z + f.c[7] * at.zx;
-    out[2] = f.c[4] + f.c[5] * at.x + f.c[6] * at.y + f.c[7] * at.xy;
-}
-
-inline Lanes value(const Coefficients& f, const Place& at)
-{
-    return f.c[0] + f.c[1] * at.x + f.c[2] * at.y + f.c[4] * at.z + f.c[3] * at.xy +
-           f.c[6] * at.yz + f.c[5] * at.zx + f.c[7] * (at.xy * at.z);
-}
-
-/// The forces on the coefficients, of what pulls at the slopes.
-inline void add_slopes(const Lanes* pull, const Place& at, Coefficients& f)
-{
-    f.c[1] += pull[0];
-    f.c[2] += pull[1];
-    f.c[4] += pull[2];
-    f.c[3] += pull[0] * at.y + pull[1] * at.x;
-    f.c[5] += pull[0] * at.z + pull[2] * at.x;
-    f.c[6] += pull[1] * at.z + pull[2] * at.y;
-    f.c[7] += pull[0] * at.yz + pull[1] * at.zx + pull[2] * at.xy;
-}
-
-inline void add_value(Lanes pull, const Place& at, Coefficients& f)
-{
-    f.c[0] += pull;
-    f.c[1] += pull * at.x;
-    f.c[2] += pull * at.y;
-    f.c[4] += pull * at.z;
-    f.c[3] += pull * at.xy;
-    f.c[6] += pull * at.yz;
-    f.c[5] += pull * at.zx;
-    f.c[7] += pull * (at.xy * at.z);
-}
-
-/// From local to real coordinates: slopes of three functions, row by row.
-inline void to_real(const BoxBlock& block, int, std::size_t lane, Lanes (*G)[3])
-{
-    const Lanes inverse = load(block.inverse_edge, lane);
-    for (int c = 0; c < 3; ++c)
-        for (int j = 0; j < 3; ++j)
-            G[c][j] *= inverse;
-}
-inline void to_real(const DrawnBlock& block, int k, std::size_t lane, Lanes (*G)[3])
-{
-    for (int c = 0; c < 3; ++c)
-    {
-        const Lanes local[3] = {G[c][0], G[c][1], G[c][2]};
-        for (int j = 0; j < 3; ++j)
-        {
-            G[c][j] = local[0] * load(block.inverse[9 * k + 3 * j], lane);
-            for (int i = 1; i < 3; ++i)
-                G[c][j] += local[i] * load(block.inverse[9 * k + 3 * j + i], lane);
-        }
-    }
-}
-
-/// Forces on slopes along the real axes become forces on slopes by local coordinates.
-inline void to_local(const DrawnBlock& block, int k, std::size_t lane, Lanes* pull)
-{
-    const Lanes real[3] = {pull[0], pull[1], pull[2]};
-    for (int i = 0; i < 3; ++i)
-    {
-        pull[i] = real[0] * load(block.inverse[9 * k + i], lane);
-        for (int j = 1; j < 3; ++j)
-            pull[i] += real[j] * load(block.inverse[9 * k + 3 * j + i], lane);
-    }
-}
-
 /// xx yy zz yz zx xy.
 struct Stress
 {
     Lanes s[6];
 };
-
-inline void times(const Stress& stress, const Lanes* v, Lanes* out)
-{
-    const Lanes* const s = stress.s;
-    out[0] = s[0] * v[0] + s[5] * v[1] + s[4] * v[2];
-    out[1] = s[5] * v[0] + s[1] * v[1] + s[3] * v[2];
-    out[2] = s[4] * v[0] + s[3] * v[1] + s[2] * v[2];
-}
 
 /// Of a gradient.
 inline Stress stress_of(const Lanes (*G)[3], Lanes lambda, Lanes shear)
@@ -192,8 +67,7 @@ inline Stress stress_of(const Lanes (*G)[3], Lanes lambda, Lanes shear)
 }
 
 /// The values of the nodes, side by side.
-template <class Block>
-inline void gather(const PartRun<Block>& run, PartRow* rows)
+inline void gather(const PartRun& run, PartRow* rows)
 {
     for (std::size_t a = 0; a < 8; ++a)
         for (std::size_t l = 0; l < kPartLanes; ++l)
@@ -207,8 +81,7 @@ inline void gather(const PartRun<Block>& run, PartRow* rows)
 }
 
 /// Into the frame of each part, and to coefficients.
-template <class Block>
-inline void coefficients(const PartRun<Block>& run, const PartRow* rows, std::size_t lane,
+inline void coefficients(const PartRun& run, const PartRow* rows, std::size_t lane,
                          const Lanes* R, Coefficients* f)
 {
     for (std::size_t a = 0; a < 8; ++a)
@@ -236,8 +109,7 @@ inline void coefficients(const PartRun<Block>& run, const PartRow* rows, std::si
 }
 
 /// Forces on coefficients back to the corners, turned out of the frame of each part.
-template <class Block>
-inline void give(const PartRun<Block>& run, const Lanes* R, std::size_t lane,
+inline void give(const PartRun& run, const Lanes* R, std::size_t lane,
                  Coefficients* force)
 {
     for (int c = 0; c < 3; ++c)
@@ -261,86 +133,6 @@ inline void give(const PartRun<Block>& run, const Lanes* R, std::size_t lane,
                       R[6 + c] * force[2].c[a]);
 }
 
-void product_of_drawn(const PartRun<DrawnBlock>& run)
-{
-    const DrawnBlock& block = *run.block;
-    PartRow rows[24];
-    gather(run, rows);
-    for (std::size_t lane = 0; lane < kPartLanes; lane += CELLWARP_WIDTH)
-    {
-        Lanes R[9];
-        for (int i = 0; i < 9; ++i)
-            R[i] = load(run.frames[i], lane);
-        Coefficients f[3], force[3] = {};
-        coefficients(run, rows, lane, R, f);
-        const Lanes lambda = load(block.lambda, lane), shear = load(block.shear, lane);
-        Stress stress[8];
-        Lanes pulls[9] = {}; // of the stresses at the modes
-        for (int k = 0; k < 8; ++k)
-        {
-            const Place at = point(block, k, lane);
-            Lanes G[3][3];
-            for (int c = 0; c < 3; ++c)
-                slopes(f[c], at, G[c]);
-            to_real(block, k, lane, G);
-            stress[k] = stress_of(G, lambda, shear);
-            const Lanes w = weight(block, k, lane);
-            for (int i = 0; i < 3; ++i)
-            {
-                Lanes m[3], pull[3];
-                for (int c = 0; c < 3; ++c)
-                    m[c] = load(block.modes[9 * k + 3 * i + c], lane);
-                times(stress[k], m, pull);
-                for (int c = 0; c < 3; ++c)
-                    pulls[3 * i + c] += w * pull[c];
-            }
-        }
-        Lanes modes[9]; // those that cost least
-        for (int r = 0; r < 9; ++r)
-        {
-            modes[r] = -load(block.mode_solve[9 * r], lane) * pulls[0];
-            for (int c = 1; c < 9; ++c)
-                modes[r] -= load(block.mode_solve[9 * r + c], lane) * pulls[c];
-        }
-        const Lanes density = load(block.density, lane);
-        for (int k = 0; k < 8; ++k)
-        {
-            const Place at = point(block, k, lane);
-            Lanes G[3][3];
-            for (int c = 0; c < 3; ++c)
-                for (int j = 0; j < 3; ++j)
-                {
-                    G[c][j] = modes[c] * load(block.modes[9 * k + j], lane);
-                    for (int i = 1; i < 3; ++i)
-                        G[c][j] +=
-                            modes[3 * i + c] * load(block.modes[9 * k + 3 * i + j], lane);
-                }
-            const Stress relief = stress_of(G, lambda, shear);
-            Lanes s[6];
-            for (int i = 0; i < 6; ++i)
-                s[i] = stress[k].s[i] + relief.s[i];
-            const Lanes w = weight(block, k, lane);
-            const Lanes elastic = w * run.stiffness;
-            Lanes pull[3][3] = {
-                {s[0], s[5], s[4]}, {s[5], s[1], s[3]}, {s[4], s[3], s[2]}};
-            for (int c = 0; c < 3; ++c)
-            {
-                for (int j = 0; j < 3; ++j)
-                    pull[c][j] *= elastic;
-                to_local(block, k, lane, pull[c]);
-                add_slopes(pull[c], at, force[c]);
-            }
-            if (run.mass != 0.0)
-            {
-                const Lanes inert = w * density * run.mass;
-                for (int c = 0; c < 3; ++c)
-                    add_value(inert * value(f[c], at), at, force[c]);
-            }
-        }
-        give(run, R, lane, force);
-    }
-}
-
 /// What functions of a place are over the eight points: sums of the eight products of
 /// signs, 1, e0, e1, e2, e0 e1, e1 e2, e2 e0, e0 e1 e2. Over all points the products are
 /// orthogonal: sums over points become sums over these.
@@ -350,7 +142,7 @@ struct Signs
     Lanes place[3][4], product[3][7], triple[8];
 };
 
-inline Signs signs_of(const BoxBlock& block, std::size_t lane)
+inline Signs signs_of(const PartBlock& block, std::size_t lane)
 {
     Signs out;
     for (int c = 0; c < 3; ++c)
@@ -446,7 +238,7 @@ inline void add_mass(const Coefficients& f, const Signs& at, Lanes inert,
 
 /// Takes off the stresses of single signs, 1 to 3, what the modes that cost least take:
 /// mode i at a point is its place along axis i, from the part's centre.
-inline void relax(const BoxBlock& block, const Signs& at, std::size_t lane, Lanes lambda,
+inline void relax(const PartBlock& block, const Signs& at, std::size_t lane, Lanes lambda,
                   Lanes shear, Stress* stress)
 {
     constexpr int kColumn[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}}; // of a Stress
@@ -480,10 +272,10 @@ inline void relax(const BoxBlock& block, const Signs& at, std::size_t lane, Lane
     }
 }
 
-/// As product_of_drawn(), but sums over the points are sums over signs.
-void product_of_boxes(const PartRun<BoxBlock>& run)
+/// Sums over the points are sums over signs.
+void product(const PartRun& run)
 {
-    const BoxBlock& block = *run.block;
+    const PartBlock& block = *run.block;
     PartRow rows[24];
     gather(run, rows);
     for (std::size_t lane = 0; lane < kPartLanes; lane += CELLWARP_WIDTH)
@@ -525,10 +317,9 @@ void product_of_boxes(const PartRun<BoxBlock>& run)
     }
 }
 
-template <class Block>
-void gradients(const PartRun<Block>& run)
+void gradients(const PartRun& run)
 {
-    const Block& block = *run.block;
+    const PartBlock& block = *run.block;
     PartRow rows[24];
     gather(run, rows);
     for (std::size_t lane = 0; lane < kPartLanes; lane += CELLWARP_WIDTH)
@@ -537,22 +328,12 @@ void gradients(const PartRun<Block>& run)
         const Lanes identity[9] = {one, zero, zero, zero, one, zero, zero, zero, one};
         Coefficients f[3];
         coefficients(run, rows, lane, identity, f);
-        Lanes sum[3][3] = {};
-        for (int k = 0; k < 8; ++k)
-        {
-            const Place at = point(block, k, lane);
-            Lanes G[3][3];
-            for (int c = 0; c < 3; ++c)
-                slopes(f[c], at, G[c]);
-            to_real(block, k, lane, G);
-            const Lanes w = weight(block, k, lane);
-            for (int c = 0; c < 3; ++c)
-                for (int j = 0; j < 3; ++j)
-                    sum[c][j] += w * G[c][j];
-        }
+        const Signs at = signs_of(block, lane);
+        const Lanes scale =
+            8.0 * load(block.weight, lane) * load(block.inverse_edge, lane);
         for (int c = 0; c < 3; ++c)
             for (int j = 0; j < 3; ++j)
-                store(run.out[3 * j + c], lane, sum[c][j]);
+                store(run.out[3 * j + c], lane, scale * slope(f[c], at, j, 0));
     }
 }
 
@@ -560,8 +341,7 @@ void gradients(const PartRun<Block>& run)
 
 PartKernels part_kernels()
 {
-    return {product_of_boxes, product_of_drawn, gradients<BoxBlock>,
-            gradients<DrawnBlock>};
+    return {product, gradients};
 }
 
 } // namespace cellwarp::CELLWARP_LANES_FOR
