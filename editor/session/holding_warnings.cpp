@@ -138,14 +138,29 @@ std::vector<std::string> piece_warnings(const CellSystem& system, const std::str
     return warnings;
 }
 
+/// Warnings of rods that have fewer spans than their statements ask for.
+std::vector<std::string> span_warnings(const CellSystem& system, const std::string& file)
+{
+    std::vector<std::string> warnings;
+    for (const Region& region : system.regions().regions())
+        if (region.told && region.told->spans > region.spans &&
+            region.told->spans != SplineStatement().spans)
+            warnings.push_back(
+                at({file, region.line, region.name},
+                   fmt::format("spans: {} in each gap instead of {}: with stiffness none "
+                               "is shorter than a cell (more --across allows more)",
+                               region.spans, region.told->spans)));
+    return warnings;
+}
+
 } // namespace
 
 std::vector<std::string> holding_warnings(const CellSystem& system,
                                           const std::string& file)
 {
     std::vector<std::string> warnings = warnings_of_too_little_or_too_much(system, file);
-    for (std::string& warning : piece_warnings(system, file))
-        warnings.push_back(std::move(warning));
+    for (const auto& more : {piece_warnings(system, file), span_warnings(system, file)})
+        warnings.insert(warnings.end(), more.begin(), more.end());
     return warnings;
 }
 

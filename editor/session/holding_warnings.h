@@ -10,8 +10,9 @@
 namespace cellwarp
 {
 
-/// Where nothing but one handle is held, where all is held, and where a handle holds a
-/// small piece apart from the rest of it. \p file: where the regions stand.
+/// Warnings where nothing but one handle is held, where all is held, where a handle holds
+/// a small piece apart from the rest of it, and where a rod has fewer spans than stated.
+/// \p file: of the regions.
 std::vector<std::string> holding_warnings(const CellSystem& system,
                                           const std::string& file);
 

@@ -56,6 +56,8 @@ struct Region
     std::shared_ptr<const SplineHandle> spline = {};
     std::shared_ptr<const SplineStatement> told = {}; ///< null: it is led
     bool is_led() const { return spline && !told; }
+    std::int64_t spans =
+        0;                 ///< of each gap of `told`; fewer than stated if it pushes back
     bool is_exact = false; ///< of a rod: its samples end where its frames have them
     /// The curve or rod that a pin of one place stays on.
     struct Guide

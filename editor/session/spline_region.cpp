@@ -157,7 +157,7 @@ void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3
     SplineStatement spline = *statement.spline;
     if (spline.form == SplineStatement::Form::Skeleton)
         spline.form = SplineStatement::Form::Through;
-    spline.spans = spans_of(spline, points, units);
+    spline.spans = region.spans = spans_of(spline, points, units);
     try
     {
         region.spline =

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Rods that push back: sessions in which they and the cells are one minimum.
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -159,6 +160,12 @@ TEST(PushingSplines,
             SessionSettings());
         EXPECT_TRUE(session.next_frame(true));
         EXPECT_EQ(session.frames().back().solve.stop, Stop::Converged) << spans;
+        const std::string warning =
+            "spans: 9 in each gap instead of " + std::to_string(spans);
+        EXPECT_EQ(std::any_of(session.warnings().begin(), session.warnings().end(),
+                              [&](const std::string& of)
+                              { return support::contains(of, warning); }),
+                  spans > 9);
         return session.frames().back().solve.iterations;
     };
     const int few = iterations(4);
