@@ -58,8 +58,8 @@ struct FleshPull
 class FleshSimulation
 {
 public:
-    /// Stands at frame 0: in the pose of the keys there, at rest; where the scene says
-    /// so, hanging in its weight. \p handles: its frames move the skeleton, see
+    /// Begins at frame 0, in the pose of the keys there and at rest; it hangs in its
+    /// weight if settles() of its body. \p handles: its frames move the skeleton, see
     /// played_skeleton(). Throws what build_flesh() and played_skeleton() throw.
     FleshSimulation(std::shared_ptr<const Geometry> geometry, const SceneFile& scene,
                     const CellSettings& cells, bool is_tight = false,

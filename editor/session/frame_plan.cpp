@@ -176,14 +176,13 @@ void warn_of_joints(const SkeletonHandle& skeleton, const SkeletonAim& aim,
                     const FrameStatement& frame, const std::string& file, double diagonal,
                     std::vector<std::string>& warnings)
 {
-    constexpr double kThere = 1e-6; // [diagonal]
     if (aim.limited > 0)
         warnings.push_back(at({file, frame.line, ""},
                               fmt::format("frame {}: {} turns of joints are cut to their "
                                           "limits",
                                           frame.number, aim.limited)));
     for (const JointHold& hold : aim.holds)
-        if (hold.miss > kThere * diagonal)
+        if (hold.miss > kReachedPlace * diagonal)
             warnings.push_back(
                 at({file, frame.line, skeleton.statement(idx(hold.joint)).name},
                    fmt::format("frame {}: ends {:.3g} of the diagonal from its place, "

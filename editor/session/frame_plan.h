@@ -63,6 +63,9 @@ struct FramePlan
 /// as a whole: a release of a rod as a whole is about both of its ends.
 bool is_of_points(const Move& move);
 
+/// A joint that is nearer to its place has reached it [diagonal].
+inline constexpr double kReachedPlace = 1e-6;
+
 /// Adds warnings of turns that limits cut in \p frame, and of places out of reach.
 /// \p aim: where the frame has the skeleton.
 void warn_of_joints(const SkeletonHandle& skeleton, const SkeletonAim& aim,

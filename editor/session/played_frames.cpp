@@ -16,9 +16,6 @@ namespace cellwarp
 namespace
 {
 
-/// A place that a joint misses by less is reached [diagonal].
-constexpr double kSmallMiss = 1e-6;
-
 void refuse_what_is_not_played(const HandleFile& handles, const SkeletonValues& skeleton)
 {
     for (const Stage& stage : handles.stages)
@@ -111,7 +108,7 @@ private:
             skeleton_.shifts.push_back(std::move(shifts));
     }
 
-    /// Of joints that frames k - 1 and k both have at one place.
+    /// Holds the joints that have one place in both frames k - 1 and k.
     void add_holds(std::size_t k)
     {
         for (const JointHold& hold : aims_[k].holds)
@@ -125,7 +122,7 @@ private:
                                                         other.chain == hold.chain;
                                              });
             if (before == last.end() ||
-                std::max(before->miss, hold.miss) > kSmallMiss * diagonal_)
+                std::max(before->miss, hold.miss) > kReachedPlace * diagonal_)
                 continue;
             const auto same =
                 std::find_if(skeleton_.reaches.begin(), skeleton_.reaches.end(),

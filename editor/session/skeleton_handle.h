@@ -96,9 +96,8 @@ struct JointMotion
     Eigen::Vector3d shift = Eigen::Vector3d::Zero(); ///< [model unit]
 };
 
-/// What the tracks of a skeleton do to its joints at any time, a function of the time
-/// alone: places that joints reach are solved for at each time that is asked for.
-/// Immutable.
+/// The motion of joints by the tracks of their skeleton. A result depends on its time
+/// alone: places that joints reach are solved for anew at each time. Immutable.
 class KeyedJoints
 {
 public:

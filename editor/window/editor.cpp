@@ -43,7 +43,7 @@ constexpr ImGuiWindowFlags kBarFlags =
     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
     ImGuiWindowFlags_NoNavFocus;
 
-/// Whether an open dialog may end by it in the frame in which the panels see it.
+/// Whether the event may end an open dialog in the frame in which the panels see it.
 bool may_end_dialog(const InputEvent& event)
 {
     return event.kind == InputEvent::Kind::Release ||

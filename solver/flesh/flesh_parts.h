@@ -27,7 +27,7 @@ struct Flesh::Parts
     FleshForces forces;
     Eigen::VectorXd weight, loads;           ///< of all nodes [N]
     std::vector<FleshRegionShares> carrying; ///< see Flesh::carry_weight()
-    /// Of those, at the motions of the last find_carried() [N].
+    /// Forces that cancel the weight, at the motions of the last find_carried() [N].
     Eigen::VectorXd carried;
     double edge = 0.0, size = 0.0; ///< of the smallest cell, and of all [m]
 

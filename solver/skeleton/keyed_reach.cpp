@@ -62,7 +62,7 @@ KeyedReach::KeyedReach(Skeleton skeleton, std::vector<KeyedPlace> places,
         sample(times, keyed);
 }
 
-/// From where \p pose is; gives by how much each joint misses its place.
+/// Searches from \p pose. Returns the distance of each joint from its place.
 std::vector<double> KeyedReach::reach_from(double time, SkeletonPose& pose) const
 {
     skeleton_.limit(pose);
@@ -90,7 +90,7 @@ void KeyedReach::copy_free_turns(const SkeletonPose& from, SkeletonPose& to) con
         to.turns[joint] = from.turns[joint];
 }
 
-/// So many that joints and places go no farther than kWayOfSample in one.
+/// The number of samples in which joints and places go no farther than kWayOfSample each.
 int KeyedReach::parts_of(double from, double to, const SkeletonPose& last,
                          const Keyed& keyed) const
 {

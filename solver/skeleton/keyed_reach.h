@@ -57,7 +57,7 @@ public:
         double distance = 0.0; ///< [size of the skeleton]
         double time = 0.0;
     };
-    /// Of each place; of a hold 0. Less than kReached is rounding.
+    /// One for each place, 0 for a hold. Less than kReached is rounding.
     const std::vector<Miss>& misses() const { return misses_; }
     static constexpr double kReached = 1e-6;
 

@@ -209,7 +209,7 @@ struct Played
                 keys + R"(}, "simulate": {"duration": )" + duration + "}" +
                 (handles.empty() ? "" : R"(, "handles": "b.handles")") + "}");
     }
-    /// Where the end of the bar's axis is in the frames.
+    /// The end of the bar's axis in each frame.
     std::vector<Eigen::Vector3d> tips(const std::string& threads = "1") const
     {
         const Result result = run({"simulate", scene, "-o", files.folder / "p{frame}.obj",

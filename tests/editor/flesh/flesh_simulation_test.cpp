@@ -218,7 +218,7 @@ TEST(FleshSimulation, begins_in_the_pose_of_its_first_keys_at_rest)
         EXPECT_LT((after.samples[i] - before.samples[i]).norm(), 1e-3);
 }
 
-/// How far a sample lies below its place at rest, at the most, negative.
+/// The lowest height of a sample above its place at rest: negative where it sags.
 double sag(const FleshSimulation& of)
 {
     double lowest = 0.0;
@@ -881,7 +881,7 @@ TEST(FleshSimulation, the_unit_scales_the_model_and_gravity_acts_in_metres)
                                     support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4),
                                     support::box_shape({2, -0.5, 0}, {3, 0.5, 4}, 4))));
     bar.more = R"(, "gravity": [0, -9.81, 0]}, "unit": 0.01, "x": {"y": 1)";
-    // What bears the weight of a drawn shape turns with bones: none is here.
+    // The weight of a drawn shape is borne by forces that turn with bones: none is here.
     for (const char* rest : {"unloaded", "as-drawn"})
     {
         bar.skeleton = R"("E": 1e8, "across": 8, "rest": ")" + std::string(rest) + '"';

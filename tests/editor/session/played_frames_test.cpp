@@ -56,7 +56,7 @@ SkeletonValues values_of(const SceneFile& scene, const std::string& text = "")
                            box());
 }
 
-/// Of all joints, by what the moves of a time do.
+/// The places of all joints after the moves of a time.
 std::vector<Vector3d> places(const SkeletonValues& values, const KeyedJoints& joints,
                              double time)
 {
@@ -146,7 +146,7 @@ TEST(KeyedReach, a_straight_arm_that_is_pulled_in_bends_without_a_jump)
     {
         const std::vector<Vector3d> now = places(values, joints, k / 2000.0);
         EXPECT_LT((now[5] - Vector3d(2.5 - k / 2000.0, 0, 0)).norm(), 1e-9) << k;
-        // How far it bends goes by the root of the way; always to the same side.
+        // The bend grows with the root of the way, and always to the same side.
         const Vector3d bent = now[3] - Vector3d(now[3].x(), 0, 0);
         if (k == 1)
             side = bent.normalized();
