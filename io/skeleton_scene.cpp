@@ -145,9 +145,14 @@ FleshRegion read_material(const Json& json, const std::string& path,
     material.field = prefix;
     std::optional<std::string> region;
     object.read("region", region);
-    if (!region || region->empty() || region->find('\n') != std::string::npos)
+    object.read("reference", Between<std::int64_t>{-100'000'000, 100'000'000},
+                material.reference);
+    if (region ? region->empty() || region->find('\n') != std::string::npos
+               : !material.reference)
         object.fail("region", "need a selector, as \"box 0 0 0 1 1 1\"");
-    material.region = *region;
+    if (region && material.reference)
+        object.fail("reference", "is instead of a region");
+    material.region = region.value_or("");
     object.read("E", Between<double>{kTiny, kHuge}, material.young);
     object.read("nu", Between<double>{0.0, kMostPoisson}, material.poisson);
     object.read("density", Between<double>{kTiny, kHuge}, material.density);

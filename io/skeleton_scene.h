@@ -33,7 +33,8 @@ struct SceneKey
 /// What one material of the flesh is like; what it leaves out is that of the flesh.
 struct FleshRegion
 {
-    std::string region; ///< a selector, as in a handle file
+    std::string region; ///< a selector, as in a handle file; empty: by reference
+    std::optional<std::int64_t> reference; ///< of cells in the file of a drawn lattice
     std::optional<double> young, poisson, density;
     std::string field; ///< of the scene, for messages
 };

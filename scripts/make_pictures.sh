@@ -86,6 +86,7 @@ flesh belly 8 180x270 70
 flesh elbow 5 260x220 0
 flesh tail 8 200x300 130
 flesh limb 4 300x220 0 --cells
+flesh limb_halved 4 300x220 0 --cells
 flesh spin 5 240x110 20
 flesh spin_free 5 240x110 20
 flesh press 6 200x300 70

@@ -27,7 +27,7 @@ skeletons  an arm (two bones, bent by 90 and 120 degrees), and scenes with bones
           without bones, by a hand that finds its turn)
 scan      a cloud with holes and noise, seen from three places; the creature bows
 flesh     scenes for simulate whose flesh follows a skeleton, into flesh/: limb (bones on the
-          edges of a lattice that is drawn), elbow (120 degrees), walk, belly, tail, and spin
+          edges of a lattice that is drawn), limb_halved, elbow (120 degrees), walk, belly, tail, and spin
           and spin_free (with and without the tube that holds flesh to its bone); joint_*
           (by law), press, flop, pulled, detail and drag (cells that are halved), rope and
           suture (with rods), reach (inverse kinematics)
@@ -564,6 +564,10 @@ def flesh(folder):
                 dict(time=seconds, joint="elbow", rotate=[0, 0, 1, angle])]
     skeleton_scene(into, "limb", "limb.obj", bones, bend(90, 0.5), in_time(1.0),
                    lattice="limb.mesh", E=3e4, nu=0.4, tube_radius=0.08)
+    # The same, every cell halved, the upper arm stiffer.
+    skeleton_scene(into, "limb_halved", "limb.obj", bones, bend(90, 0.5), in_time(1.0),
+                   lattice="limb.mesh", max_depth=1, E=1e5, nu=0.4, tube_radius=0.08,
+                   materials=[dict(region="box -1 -1 -1  0.9 1 1", E=3e5)])
     # The same arm as that which is posed, bent in half a second.
     arm = [("shoulder", None, (0, 0, 0)), ("elbow", "shoulder", (1.2, 0, 0)),
            ("wrist", "elbow", (2.25, 0, 0)), ("tip", "wrist", (2.6, 0, 0))]

@@ -88,14 +88,13 @@ std::vector<HeldPoint> points_of_edges(const FleshModel& model, const Hexahedra&
     }
     if (off > 0)
     {
-        // Where cells are split each edge is two.
-        const auto& edge =
-            mesh.edges[first_off / (lattice.edges.size() / mesh.edges.size())];
+        const std::size_t pieces = lattice.edges.size() / mesh.edges.size();
+        const auto& edge = mesh.edges[first_off / pieces];
         throw malformed({model.flesh().lattice, edge.line, "Edges"},
                         fmt::format("the edge of vertices {} and {} lies on no bone "
                                     "of the skeleton ({} of {} do not)",
-                                    edge.vertices[0] + 1, edge.vertices[1] + 1, off,
-                                    lattice.edges.size()));
+                                    edge.vertices[0] + 1, edge.vertices[1] + 1,
+                                    (off + pieces - 1) / pieces, mesh.edges.size()));
     }
     std::vector<HeldPoint> points;
     for (const auto& [vertex, motion] : motion_of_vertex)
@@ -114,6 +113,87 @@ bool runs_along_edges(const BoneLine& bone, const Hexahedra& lattice, double nea
     return covered >= (bone.to - bone.from).norm() - 4.0 * near;
 }
 
+/// Of each cell the last material that has it: by its reference in the file, by its
+/// middle in a shape, or by the sample nearest to its middle.
+std::vector<int> materials_of(const FleshModel& model, const Lattice& lattice,
+                              const std::vector<std::int64_t>& references)
+{
+    const std::vector<FleshRegion>& materials = model.flesh().materials;
+    std::vector<int> out(lattice.cells.size(), 0);
+    if (materials.empty())
+        return out;
+    const std::vector<Vector3d>& samples = model.geometry->samples;
+    const PointTree tree(samples);
+    std::vector<PointTree::Neighbour> near;
+    for (std::size_t m = 0; m < materials.size(); ++m)
+    {
+        const FleshRegion& told = materials[m];
+        std::vector<Region> regions;
+        if (!told.reference)
+            regions = flesh_regions(model, {told.region}, told.field + ".region");
+        const auto has = [&](std::size_t cell)
+        {
+            if (told.reference)
+                return references[cell] == *told.reference;
+            const Vector3d middle = model.to_model(
+                cell_point(lattice, static_cast<int>(cell), Vector3d::Constant(0.5)));
+            if (regions.front().holds(middle))
+                return true;
+            const std::vector<std::uint32_t>& listed = regions.front().listed;
+            if (listed.empty())
+                return false;
+            tree.nearest(middle, 1, near);
+            return std::binary_search(listed.begin(), listed.end(),
+                                      static_cast<std::uint32_t>(near.front().index));
+        };
+        bool is_used = false;
+        for (std::size_t c = 0; c < out.size(); ++c)
+            if (has(c))
+            {
+                out[c] = static_cast<int>(m + 1);
+                is_used = true;
+            }
+        if (!is_used)
+            throw malformed({model.scene.path, 0,
+                             told.field + (told.reference ? ".reference" : ".region")},
+                            "no cell of the lattice has it");
+    }
+    return out;
+}
+
+/// What was drawn, all cells halved max_depth times.
+Hexahedra subdivided(const FleshModel& model, const DrawnCells& drawn, DrawnFlesh& out)
+{
+    Hexahedra cells = hexahedra_of(drawn);
+    out.vertices = {drawn.places.size(), cells.means};
+    std::vector<SparseRows> levels;
+    for (std::int64_t level = 1; level <= model.flesh().max_depth.value_or(0); ++level)
+    {
+        const std::size_t size = 8 * cells.cells.size();
+        if (static_cast<std::int64_t>(size) > model.cells.max_cells)
+            throw Error(Fault::Budget,
+                        at({model.scene.path, 0, "skeleton.max_depth"},
+                           fmt::format("at depth {} the lattice has {} cells, more than "
+                                       "max_cells {}",
+                                       level, size, model.cells.max_cells)));
+        out.lattice.coarser.insert(out.lattice.coarser.begin(),
+                                   {cells.places.size(), {}});
+        cells = halved(cells);
+        std::vector<NodeShares> of_vertices;
+        for (const NodeShares& mean : cells.means)
+        {
+            out.lattice.coarser.front().below.add(mean);
+            NodeShares& sum = of_vertices.emplace_back();
+            for (const NodeShare& node : mean)
+                for (const NodeShare& vertex : out.vertices.of_node[idx(node.node)])
+                    sum.push_back({vertex.node, node.share * vertex.share});
+            sum = gathered(std::move(sum));
+        }
+        out.vertices.of_node = std::move(of_vertices);
+    }
+    return cells;
+}
+
 } // namespace
 
 DrawnFlesh read_drawn_flesh(const FleshModel& model)
@@ -124,12 +204,14 @@ DrawnFlesh read_drawn_flesh(const FleshModel& model)
     for (const Vector3d& x : mesh.vertices)
         drawn.places.push_back(model.to_metres(x));
     std::vector<DrawnName> names;
+    std::vector<std::int64_t> references;
     const auto add = [&](const auto& cells, const char* kind)
     {
         for (std::size_t k = 0; k < cells.size(); ++k)
         {
             const auto& vertices = cells[k].vertices;
             drawn.cells.emplace_back(vertices.begin(), vertices.end());
+            references.push_back(cells[k].reference);
             names.push_back({cells[k].line, fmt::format("{} {}", kind, k + 1)});
         }
     };
@@ -139,12 +221,14 @@ DrawnFlesh read_drawn_flesh(const FleshModel& model)
     refuse_twins(model, drawn, names);
     for (const auto& edge : mesh.edges)
         drawn.edges.emplace_back(edge.vertices[0], edge.vertices[1]);
-    const Hexahedra hexahedra = hexahedra_of(drawn);
+    const Hexahedra hexahedra = subdivided(model, drawn, out);
     Lattice& lattice = out.lattice;
     try
     {
-        lattice = drawn_lattice(hexahedra.places, hexahedra.cells,
-                                std::vector<int>(hexahedra.cells.size(), 0));
+        Lattice of_cells = drawn_lattice(hexahedra.places, hexahedra.cells,
+                                         std::vector<int>(hexahedra.cells.size(), 0));
+        of_cells.coarser = std::move(lattice.coarser);
+        lattice = std::move(of_cells);
     }
     catch (const InvertedHexahedron& fault)
     {
@@ -152,6 +236,12 @@ DrawnFlesh read_drawn_flesh(const FleshModel& model)
         throw malformed({model.flesh().lattice, name.line, ""},
                         name.text + " is turned inside out");
     }
+    std::vector<std::int64_t> reference_of_cell;
+    for (const int cell : hexahedra.cell_of)
+        reference_of_cell.push_back(references[idx(cell)]);
+    const std::vector<int> materials = materials_of(model, lattice, reference_of_cell);
+    for (LatticePart& part : lattice.parts)
+        part.material = materials[idx(part.cell)];
     const double near = kOnBone * model.metre * model.frame.diagonal();
     out.points = points_of_edges(model, hexahedra, mesh, near);
     std::vector<BoneLine> lines;

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "editor/flesh/flesh_model.h"
+#include "editor/flesh/region_weights.h"
 #include "solver/flesh/bone_tube.h"
 #include "solver/flesh/bound_nodes.h"
 #include "solver/flesh/lattice.h"
@@ -21,10 +22,12 @@ struct DrawnFlesh
     Lattice lattice;
     std::vector<HeldPoint> points; ///< on bones
     std::vector<TubeBone> bones;   ///< each with a radius
+    ControlShares vertices;
 };
 
-/// Throws Fault::Malformed for cells that are turned inside out or stand twice, and edges
-/// that lie on no bone; and what read_medit() throws.
+/// With cells halved and materials as the scene has them. Throws Fault::Budget for too
+/// many cells, Fault::Malformed for a material of no cell, cells that are turned inside
+/// out or stand twice, and edges that lie on no bone; and what read_medit() throws.
 DrawnFlesh read_drawn_flesh(const FleshModel& model);
 
 /// The cell of a drawn lattice that holds a point; negative: none.

@@ -164,6 +164,7 @@ FleshBody drawn_body(std::shared_ptr<const FleshModel> model)
     body.model = std::move(model);
     DrawnFlesh drawn = read_drawn_flesh(*body.model);
     const Lattice& lattice = drawn.lattice;
+    locate_samples(*body.model, lattice, body.cell_of_sample, body.local, body.warnings);
     body.held_points =
         held_points(*body.model, lattice,
                     [&](const Vector3d& x) { return drawn_cell_of(lattice, x); });
@@ -173,11 +174,10 @@ FleshBody drawn_body(std::shared_ptr<const FleshModel> model)
             tubes_of(body, lattice, drawn.bones, points_in_tubes(lattice, drawn.bones));
     std::vector<FleshRegionShares> regions;
     if (needs_regions(body.model->flesh()))
-        regions = region_weights(*body.model, lattice, nullptr, {});
+        regions = region_weights(*body.model, lattice, nullptr, body.cell_of_sample,
+                                 &drawn.vertices);
     finish(body, std::move(drawn.lattice), std::move(drawn.points), std::move(tubes),
            std::move(regions));
-    locate_samples(*body.model, body.flesh->lattice(), body.cell_of_sample, body.local,
-                   body.warnings);
     take_surface(body);
     return body;
 }

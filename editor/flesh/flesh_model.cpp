@@ -32,19 +32,18 @@ void refuse_what_cannot_be(const SceneFile& scene)
         throw malformed({scene.path, 0, std::string("skeleton.") + key}, what);
     };
     if (flesh.detail > 0.0 && !flesh.lattice.empty())
-        refuse("detail", "is of an octree's lattice alone");
+        refuse("detail",
+               "cells of a lattice of a file are halved for good, by max_depth");
     if (flesh.law == "regions" && flesh.newton > 1)
         refuse("newton", "is for other laws: regions are solved once a step");
     if (scene.time->integrator != "implicit-euler" && scene.time->integrator != "bdf2")
         throw malformed({scene.path, 0, "simulate.integrator"},
                         "got " + in_quotes(scene.time->integrator) +
                             ", flesh has implicit-euler and bdf2");
-    if (flesh.lattice.empty())
-        return;
-    if (!flesh.materials.empty())
-        refuse("materials", "a lattice of a file has one material");
-    if (!flesh.weights.empty())
-        refuse("weights", "are painted on samples of an octree's lattice alone");
+    for (const FleshRegion& material : flesh.materials)
+        if (material.reference && flesh.lattice.empty())
+            throw malformed({scene.path, 0, material.field + ".reference"},
+                            "is of the cells of a lattice of a file");
 }
 
 FleshSettings flesh_settings(const FleshModel& model, bool is_tight)
@@ -65,20 +64,13 @@ FleshSettings flesh_settings(const FleshModel& model, bool is_tight)
     return out;
 }
 
-/// \p selectors: as a handle file has them; \p field: of the scene, for messages.
-RegionSet regions_of(const FleshModel& model, const std::vector<std::string>& selectors,
-                     const std::string& field)
+/// Runs \p call, whose errors name \p field of the scene.
+template <class Call>
+auto at_field(const FleshModel& model, const std::string& field, Call&& call)
 {
     try
     {
-        std::string text = "cellwarp-handles 1\n";
-        for (std::size_t k = 0; k < selectors.size(); ++k)
-            text += "fixed flesh" + std::to_string(k) + " " + selectors[k] + "\n";
-        const HandleFile file = parse_handles(model.scene.path, text + "frame 1\n");
-        return RegionSet(model.rest,
-                         resolve_regions(file.stages.front().regions, *model.geometry,
-                                         model.geometry->samples, model.units(), file),
-                         model.scene.path);
+        return call();
     }
     catch (const Error& error)
     {
@@ -89,6 +81,15 @@ RegionSet regions_of(const FleshModel& model, const std::vector<std::string>& se
                        is_of_text ? at({"", 0, error.field()}, error.message()).text()
                                   : error.what()));
     }
+}
+
+RegionSet regions_of(const FleshModel& model, const std::vector<std::string>& selectors,
+                     const std::string& field)
+{
+    std::vector<Region> regions = flesh_regions(model, selectors, field);
+    return at_field(
+        model, field,
+        [&] { return RegionSet(model.rest, std::move(regions), model.scene.path); });
 }
 
 void take_obstacles(FleshModel& model)
@@ -115,7 +116,7 @@ void take_obstacles(FleshModel& model)
     }
 }
 
-/// Of each voxel the last region of another material that has it.
+/// And of each voxel of an octree the last region of another material that has it.
 void take_materials(FleshModel& model)
 {
     const FleshStatement& flesh = model.flesh();
@@ -123,17 +124,20 @@ void take_materials(FleshModel& model)
         {flesh.young.value_or(kFirstYoung), flesh.poisson, flesh.density});
     if (flesh.materials.empty())
         return;
-    model.material_of_voxel.assign(model.rest->material.grid.size(), 0);
+    if (model.rest)
+        model.material_of_voxel.assign(model.rest->material.grid.size(), 0);
     for (const FleshRegion& told : flesh.materials)
     {
-        const RegionSet region = regions_of(model, {told.region}, told.field + ".region");
         const int number = static_cast<int>(model.materials.size());
         FleshMaterial& material = model.materials.emplace_back(model.materials.front());
         material.young = told.young.value_or(material.young);
         material.poisson = told.poisson.value_or(material.poisson);
         material.density = told.density.value_or(material.density);
-        region.voxels(0).for_each([&](std::size_t voxel)
-                                  { model.material_of_voxel[voxel] = number; });
+        if (model.rest)
+            regions_of(model, {told.region}, told.field + ".region")
+                .voxels(0)
+                .for_each([&](std::size_t voxel)
+                          { model.material_of_voxel[voxel] = number; });
     }
 }
 
@@ -177,6 +181,23 @@ void take_rest_shape(FleshModel& model)
 }
 
 } // namespace
+
+std::vector<Region> flesh_regions(const FleshModel& model,
+                                  const std::vector<std::string>& selectors,
+                                  const std::string& field)
+{
+    return at_field(
+        model, field,
+        [&]
+        {
+            std::string text = "cellwarp-handles 1\n";
+            for (std::size_t k = 0; k < selectors.size(); ++k)
+                text += "fixed flesh" + std::to_string(k) + " " + selectors[k] + "\n";
+            const HandleFile file = parse_handles(model.scene.path, text + "frame 1\n");
+            return resolve_regions(file.stages.front().regions, *model.geometry,
+                                   model.geometry->samples, model.units(), file);
+        });
+}
 
 Units FleshModel::units() const
 {

@@ -38,7 +38,7 @@ struct FleshModel
     std::vector<std::pair<FleshObstacle, ShiftKeys>> obstacles; ///< at rest, and moved
     /// What the octree cuts; null of a lattice that was drawn.
     std::shared_ptr<const RestShape> rest;
-    /// Of each of its voxels; empty: there is one material.
+    /// Of each of its voxels; empty: there is one material, or no octree.
     std::vector<int> material_of_voxel;
     std::vector<std::vector<std::size_t>> tube_voxels; ///< of each bone
     /// Cells that lie in it are small; null: no region is asked for.
@@ -60,6 +60,12 @@ struct FleshModel
     /// A unit vector.
     Eigen::Vector3d direction_of(const Eigen::Vector3d& of_model) const;
 };
+
+/// What \p selectors select, as a handle file has them. Throws Fault::Malformed at
+/// \p field of the scene.
+std::vector<Region> flesh_regions(const FleshModel& model,
+                                  const std::vector<std::string>& selectors,
+                                  const std::string& field);
 
 /// Stiffness of flesh without one, until it is known how far it sags [Pa].
 inline constexpr double kFirstYoung = 1e4;

@@ -81,17 +81,22 @@ void lengthen_by_glue(const FleshModel& model, const Lattice& lattice, const Cel
     }
 }
 
-/// Nodes of cells with painted samples take their mean.
+/// Nodes take the mean of painted samples in their cells, or of painted vertices.
 void paint(const FleshModel& model, const Lattice& lattice,
-           std::span<const int> cell_of_sample, std::vector<FleshRegionShares>& regions)
+           std::span<const int> cell_of_sample, const ControlShares* vertices,
+           std::vector<FleshRegionShares>& regions)
 {
     const std::string& file = model.flesh().weights;
     const PaintedWeights painted = read_weights(file);
     const std::size_t num_samples = model.geometry->samples.size();
-    if (painted.num_samples() != num_samples)
+    const bool is_of_vertices = vertices && painted.num_samples() == vertices->size;
+    if (!is_of_vertices && painted.num_samples() != num_samples)
         throw malformed({file, 0, ""},
-                        fmt::format("has {} lines of numbers, the model {} samples",
-                                    painted.num_samples(), num_samples));
+                        fmt::format("has {} lines of numbers, the model {} samples{}",
+                                    painted.num_samples(), num_samples,
+                                    vertices ? fmt::format(", the lattice {} vertices",
+                                                           vertices->size)
+                                             : ""));
     const std::size_t num_joints = painted.joints.size();
     std::vector<std::size_t> region_of_joint;
     for (const std::string& name : painted.joints)
@@ -105,14 +110,21 @@ void paint(const FleshModel& model, const Lattice& lattice,
         region_of_joint.push_back(static_cast<std::size_t>(region - regions.begin()));
     }
     std::map<int, std::vector<double>> of_node;
-    for (std::size_t i = 0; i < cell_of_sample.size(); ++i)
-        for (const int corner : lattice.cells[idx(cell_of_sample[i])])
-        {
-            std::vector<double>& sums = of_node[corner];
-            sums.resize(num_joints, 0.0);
-            for (std::size_t j = 0; j < num_joints; ++j)
-                sums[j] += painted.values[i * num_joints + j];
-        }
+    const auto add = [&](int node, std::size_t row, double share)
+    {
+        std::vector<double>& sums = of_node[node];
+        sums.resize(num_joints, 0.0);
+        for (std::size_t j = 0; j < num_joints; ++j)
+            sums[j] += share * painted.values[row * num_joints + j];
+    };
+    if (is_of_vertices)
+        for (std::size_t n = 0; n < vertices->of_node.size(); ++n)
+            for (const NodeShare& vertex : vertices->of_node[n])
+                add(static_cast<int>(n), idx(vertex.node), vertex.share);
+    else
+        for (std::size_t i = 0; i < cell_of_sample.size(); ++i)
+            for (const int corner : lattice.cells[idx(cell_of_sample[i])])
+                add(corner, i, 1.0);
     std::erase_if(of_node,
                   [&](const auto& painted_node)
                   {
@@ -136,7 +148,8 @@ void paint(const FleshModel& model, const Lattice& lattice,
 
 std::vector<FleshRegionShares> region_weights(const FleshModel& model,
                                               const Lattice& lattice, const Cells* cells,
-                                              std::span<const int> cell_of_sample)
+                                              std::span<const int> cell_of_sample,
+                                              const ControlShares* vertices)
 {
     if (model.bones.empty())
         throw malformed(
@@ -159,7 +172,7 @@ std::vector<FleshRegionShares> region_weights(const FleshModel& model,
     std::vector<FleshRegionShares> regions =
         shares_by_distance(lattice, distances, motions, kBlend * edge);
     if (!model.flesh().weights.empty())
-        paint(model, lattice, cell_of_sample, regions);
+        paint(model, lattice, cell_of_sample, vertices, regions);
     return regions;
 }
 

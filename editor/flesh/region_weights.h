@@ -13,12 +13,21 @@
 namespace cellwarp
 {
 
+/// The vertices of a drawn lattice's file, and each node as a mean of them.
+struct ControlShares
+{
+    std::size_t size = 0;
+    std::vector<NodeShares> of_node;
+};
+
 /// By straight distances to the bones; where the way through the glue of \p cells, if
-/// any, is much longer, by that. Painted weights replace them. \p cell_of_sample: of the
-/// lattice, where weights may be painted. Throws Fault::Malformed for what the scene says
+/// any, is much longer, by that. Painted weights replace them: of \p vertices of a drawn
+/// lattice, if any, where there are as many, else of samples. \p cell_of_sample: of the
+/// lattice. Throws Fault::Malformed for what the scene says
 /// of them, and what read_weights() throws.
 std::vector<FleshRegionShares> region_weights(const FleshModel& model,
                                               const Lattice& lattice, const Cells* cells,
-                                              std::span<const int> cell_of_sample);
+                                              std::span<const int> cell_of_sample,
+                                              const ControlShares* vertices = nullptr);
 
 } // namespace cellwarp

@@ -46,25 +46,37 @@ const std::vector<std::vector<int>>& faces_of(std::size_t corners)
 class Means
 {
 public:
-    explicit Means(std::vector<Vector3d>& places) : places_(places) {}
+    /// They come after those of \p of, which has places alone.
+    explicit Means(Hexahedra& of) : of_(of)
+    {
+        for (std::size_t v = 0; v < of.places.size(); ++v)
+            of.means.push_back({{static_cast<int>(v), 1.0}});
+    }
 
     int of(std::vector<int> vertices)
     {
         std::sort(vertices.begin(), vertices.end());
+        if (vertices.front() == vertices.back())
+            return vertices.front();
         const auto [found, is_new] =
-            known_.try_emplace(vertices, static_cast<int>(places_.size()));
+            known_.try_emplace(vertices, static_cast<int>(of_.places.size()));
         if (is_new)
         {
             Vector3d sum = Vector3d::Zero();
+            NodeShares mean;
             for (const int vertex : vertices)
-                sum += places_[idx(vertex)];
-            places_.push_back(sum / static_cast<double>(vertices.size()));
+            {
+                sum += of_.places[idx(vertex)];
+                mean.push_back({vertex, 1.0 / static_cast<double>(vertices.size())});
+            }
+            of_.places.push_back(sum / static_cast<double>(vertices.size()));
+            of_.means.push_back(gathered(std::move(mean)));
         }
         return found->second;
     }
 
 private:
-    std::vector<Vector3d>& places_;
+    Hexahedra& of_;
     std::map<std::vector<int>, int> known_;
 };
 
@@ -89,7 +101,7 @@ Hexahedra hexahedra_of(const DrawnCells& drawn)
     const bool is_plain =
         std::all_of(drawn.cells.begin(), drawn.cells.end(),
                     [](const std::vector<int>& corners) { return corners.size() == 8; });
-    Means means(out.places);
+    Means means(out);
     const auto add = [&](CornerNodes cell, std::size_t of)
     {
         turn_right(out.places, cell);
@@ -140,6 +152,36 @@ Hexahedra hexahedra_of(const DrawnCells& drawn)
             out.edges.emplace_back(a, half);
             out.edges.emplace_back(half, b);
         }
+    return out;
+}
+
+Hexahedra halved(const Hexahedra& coarse)
+{
+    Hexahedra out;
+    out.places = coarse.places;
+    Means means(out);
+    for (std::size_t c = 0; c < coarse.cells.size(); ++c)
+        for (int child = 0; child < 8; ++child)
+        {
+            CornerNodes corners{};
+            for (int corner = 0; corner < 8; ++corner)
+            {
+                // Along an axis at the child's own side of the cell, or in the middle.
+                std::vector<int> around;
+                for (int k = 0; k < 8; ++k)
+                    if (((k ^ child) & ~(corner ^ child)) == 0)
+                        around.push_back(coarse.cells[c][idx(k)]);
+                corners[idx(corner)] = means.of(std::move(around));
+            }
+            out.cells.push_back(corners);
+            out.cell_of.push_back(coarse.cell_of[c]);
+        }
+    for (const auto& [a, b] : coarse.edges)
+    {
+        const int half = means.of({a, b});
+        out.edges.emplace_back(a, half);
+        out.edges.emplace_back(half, b);
+    }
     return out;
 }
 

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "solver/flesh/box_nodes.h"
+#include "solver/flesh/sparse_rows.h"
 
 namespace cellwarp
 {
@@ -29,11 +30,18 @@ struct Hexahedra
     std::vector<CornerNodes> cells;
     std::vector<int> cell_of; ///< that was drawn
     std::vector<std::pair<int, int>> edges;
+    /// The mean that each place is of places of what was split; of a place that was kept
+    /// itself.
+    std::vector<NodeShares> means;
 };
 
 /// If all cells are hexahedra they stay; else all are split once, at the means of edges,
 /// faces and cells: affine maps stay exact. [theory-skeleton 1 (c)] Cells are turned the
 /// right way round.
 Hexahedra hexahedra_of(const DrawnCells& drawn);
+
+/// Each cell in eight, at the means of edges, faces and cells: the cells' trilinear maps
+/// stay as they are, and cells that share a side share those of its parts.
+Hexahedra halved(const Hexahedra& coarse);
 
 } // namespace cellwarp

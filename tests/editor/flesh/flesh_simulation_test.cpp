@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -71,6 +72,34 @@ struct Bar
         return "";
     }
 };
+
+/// A lattice of 2 x 2 x 4 cells around the bar, whose axis has edges; the cells of the
+/// upper half have the reference 2.
+std::string drawn_mesh()
+{
+    std::string mesh = "MeshVersionFormatted 2\nDimension 3\nVertices 45\n";
+    for (int k = 0; k < 5; ++k)
+        for (int j = 0; j < 3; ++j)
+            for (int i = 0; i < 3; ++i)
+                mesh += std::to_string(0.6 * (i - 1)) + " " +
+                        std::to_string(0.6 * (j - 1)) + " " + std::to_string(k) + " 0\n";
+    mesh += "Hexahedra 16\n";
+    for (int k = 0; k < 4; ++k)
+        for (int j = 0; j < 2; ++j)
+            for (int i = 0; i < 2; ++i)
+            {
+                for (const int up : {0, 1})
+                    for (const auto& [a, b] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}})
+                        mesh +=
+                            std::to_string(9 * (k + up) + 3 * (j + b) + i + a + 1) + " ";
+                mesh += k < 2 ? "0\n" : "2\n";
+            }
+    mesh += "Edges 4\n";
+    for (int k = 0; k < 4; ++k)
+        mesh +=
+            std::to_string(9 * k + 5) + " " + std::to_string(9 * (k + 1) + 5) + " 0\n";
+    return mesh;
+}
 
 /// By how much samples are away from where a joint's motion has them, at the most.
 double away(const FleshSimulation& of, const DeformedSamples& now, double low,
@@ -779,27 +808,7 @@ TEST(FleshSimulation, cells_that_bones_pass_are_finer_where_it_is_asked_for)
 TEST(FleshSimulation, a_drawn_lattice_has_bones_on_its_edges)
 {
     Bar bar;
-    std::string mesh = "MeshVersionFormatted 2\nDimension 3\nVertices 45\n";
-    for (int k = 0; k < 5; ++k)
-        for (int j = 0; j < 3; ++j)
-            for (int i = 0; i < 3; ++i)
-                mesh += std::to_string(0.6 * (i - 1)) + " " +
-                        std::to_string(0.6 * (j - 1)) + " " + std::to_string(k) + " 0\n";
-    mesh += "Hexahedra 16\n";
-    for (int k = 0; k < 4; ++k)
-        for (int j = 0; j < 2; ++j)
-            for (int i = 0; i < 2; ++i)
-            {
-                for (const int up : {0, 1})
-                    for (const auto& [a, b] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}})
-                        mesh +=
-                            std::to_string(9 * (k + up) + 3 * (j + b) + i + a + 1) + " ";
-                mesh += "0\n";
-            }
-    mesh += "Edges 4\n";
-    for (int k = 0; k < 4; ++k)
-        mesh +=
-            std::to_string(9 * k + 5) + " " + std::to_string(9 * (k + 1) + 5) + " 0\n";
+    const std::string mesh = drawn_mesh();
     bar.folder.write("bar.mesh", mesh);
     bar.skeleton = R"("E": 2e4, "lattice": "bar.mesh")";
     const auto simulation = bar.start();
@@ -827,16 +836,111 @@ TEST(FleshSimulation, a_drawn_lattice_has_bones_on_its_edges)
         << bar.refusal();
 }
 
+TEST(FleshSimulation, cells_of_a_drawn_lattice_are_halved_to_the_level_that_is_asked_for)
+{
+    Bar bar;
+    bar.folder.write("bar.mesh", drawn_mesh());
+    for (const int level : {0, 1, 2})
+    {
+        bar.skeleton =
+            R"("E": 2e4, "lattice": "bar.mesh", "max_depth": )" + std::to_string(level);
+        const auto simulation = bar.start();
+        const Lattice& lattice = simulation->body().flesh->lattice();
+        const std::size_t n = 1u << level;
+        EXPECT_EQ(lattice.cells.size(), 16 * n * n * n);
+        EXPECT_EQ(lattice.places.size(), (2 * n + 1) * (2 * n + 1) * (4 * n + 1));
+        EXPECT_EQ(lattice.coarser.size(), idx(level));
+        EXPECT_EQ(simulation->body().held, 4 * n + 1); // along all of the edges
+        EXPECT_EQ(simulation->body().dropped, 0u);
+        EXPECT_NEAR(simulation->body().mass, 1000 * 1.2 * 1.2 * 4, 1e-6);
+        for (int frame = 0; frame < 3; ++frame)
+            simulation->next_frame();
+        EXPECT_TRUE(simulation->report().is_converged);
+        EXPECT_LT(simulation->report().miss, 1e-12);
+    }
+    bar.skeleton = R"("E": 2e4, "lattice": "bar.mesh", "max_depth": 20)";
+    try
+    {
+        bar.start();
+        ADD_FAILURE() << "so many cells are refused";
+    }
+    catch (const Error& error)
+    {
+        EXPECT_EQ(error.fault(), Fault::Budget);
+        EXPECT_TRUE(contains(error.what(), "skeleton.max_depth: at depth "))
+            << error.what();
+    }
+}
+
+TEST(FleshSimulation, cells_of_a_drawn_lattice_have_materials_by_region_or_reference)
+{
+    Bar bar;
+    bar.folder.write("bar.mesh", drawn_mesh());
+    for (const char* const told :
+         {R"("region": "box -1 -1 2  1 1 9")", R"("reference": 2)"})
+    {
+        bar.skeleton =
+            R"("E": 2e4, "lattice": "bar.mesh", "max_depth": 1, "materials": [{)" +
+            std::string(told) + R"(, "density": 500}])";
+        const auto simulation = bar.start();
+        EXPECT_NEAR(simulation->body().mass, 750 * 1.2 * 1.2 * 4, 1e-6);
+        for (const LatticePart& part : simulation->body().flesh->lattice().parts)
+            EXPECT_EQ(part.material,
+                      simulation->body().model->to_model(part.centre).z() > 2.0 ? 1 : 0);
+    }
+}
+
+TEST(FleshSimulation, weights_of_a_drawn_lattice_are_of_its_vertices_or_of_samples)
+{
+    Bar bar;
+    bar.folder.write("bar.mesh", drawn_mesh());
+    const auto with_rows =
+        [&](std::size_t rows, const std::function<bool(std::size_t)>& root)
+    {
+        std::string weights = "cellwarp-weights 1\nroot knee\n";
+        for (std::size_t i = 0; i < rows; ++i)
+            weights += root(i) ? "1 0\n" : "0 1\n";
+        bar.folder.write("w.txt", weights);
+        bar.skeleton = R"("E": 2e4, "lattice": "bar.mesh", "max_depth": 1,
+                          "law": "regions", "weights": "w.txt")";
+        const auto simulation = bar.start();
+        for (int frame = 0; frame < 3; ++frame)
+            simulation->next_frame();
+        EXPECT_LT(simulation->report().miss, 1e-12);
+        return simulation->deformed().samples;
+    };
+    // The region of the root has the lower half, or all: rows that differ count.
+    const auto halves = with_rows(45, [](std::size_t i) { return i < 27; });
+    EXPECT_NE(halves, with_rows(45, [](std::size_t) { return true; }));
+    const std::size_t samples = halves.size();
+    ASSERT_NE(samples, 45u);
+    with_rows(samples, [](std::size_t i) { return i % 2 == 0; });
+    bar.folder.write("w.txt", "cellwarp-weights 1\nroot\n1\n");
+    EXPECT_TRUE(contains(bar.refusal(), "w.txt: has 1 lines of numbers, the model " +
+                                            std::to_string(samples) +
+                                            " samples, the lattice 45 vertices"));
+}
+
 TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
 {
     Bar bar;
     const std::string usual = bar.skeleton;
+    bar.folder.write("bar.mesh", drawn_mesh());
+    bar.folder.write("w.txt", "cellwarp-weights 1\nroot\n1\n");
     for (const auto& [more, what] :
          {std::pair{R"(, "weights": "w.txt")",
                     "skeleton.weights: are of the law regions, the law is cells"},
           {R"(, "law": "regions", "newton": 2)", "skeleton.newton: is for other laws"},
           {R"(, "detail": 0.1, "lattice": "bar.mesh")",
-           "skeleton.detail: is of an octree"},
+           "skeleton.detail: cells of a lattice of a file are halved for good"},
+          {R"(, "materials": [{"reference": 1}])",
+           "skeleton.materials[0].reference: is of the cells of a lattice of a file"},
+          {R"(, "lattice": "bar.mesh", "materials": [{"reference": 1}])",
+           "skeleton.materials[0].reference: no cell of the lattice has it"},
+          {R"(, "lattice": "bar.mesh", "materials": [{"region": "box 9 9 9 10 10 10"}])",
+           "skeleton.materials[0].region: no cell of the lattice has it"},
+          {R"(, "lattice": "bar.mesh", "law": "regions", "weights": "w.txt")",
+           "has 1 lines of numbers, the model "},
           {R"(, "detail_regions": ["all"])", "skeleton.detail_regions: need detail"},
           {R"(, "detail": 0.1, "detail_regions": ["bocks 1"])",
            "skeleton.detail_regions"},
