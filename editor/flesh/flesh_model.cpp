@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/flesh/flesh_model.h"
 
+#include <set>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "editor/session/bone_regions.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/index.h"
+#include "octree/base/segment.h"
 
 namespace cellwarp
 {
@@ -180,6 +184,46 @@ void take_rest_shape(FleshModel& model)
             regions_of(model, flesh.fine_regions, "skeleton.detail_regions"));
 }
 
+/// The share of a bone's length along which it runs inside another one, but for a
+/// hundredth of its length.
+double share_along(const BoneLine& bone, const BoneLine& other)
+{
+    constexpr int kLooks = 64;
+    int near = 0;
+    for (int k = 0; k < kLooks; ++k)
+    {
+        const Vector3d x = bone.from + (k + 0.5) / kLooks * (bone.to - bone.from);
+        const double t = nearest_share(other.from, other.to, x);
+        near += (other.from + t * (other.to - other.from) - x).norm() <=
+                0.01 * (bone.to - bone.from).norm();
+    }
+    return static_cast<double>(near) / kLooks;
+}
+
+/// Warns of bones of different joints that lie along each other: flesh cannot follow
+/// both.
+void warn_of_shared_places(FleshModel& model)
+{
+    constexpr double kMuch = 0.25;
+    std::set<std::pair<int, int>> joints;
+    for (const TubeBone& bone : model.bones)
+        for (const TubeBone& other : model.bones)
+            if (bone.line.motion != other.line.motion &&
+                share_along(bone.line, other.line) > kMuch)
+                joints.insert(std::minmax(bone.line.motion, other.line.motion));
+    std::string pairs;
+    for (const auto& [one, other] : joints)
+        pairs += fmt::format("{}{} and {}", pairs.empty() ? "" : ", ",
+                             model.skeleton->statement(idx(one)).name,
+                             model.skeleton->statement(idx(other)).name);
+    if (!pairs.empty())
+        model.warnings.push_back(
+            at({model.scene.path, 0, "skeleton.joints"},
+               "bones hold the same place, and flesh cannot follow both where they move "
+               "apart: " +
+                   pairs));
+}
+
 } // namespace
 
 std::vector<Region> flesh_regions(const FleshModel& model,
@@ -241,6 +285,7 @@ std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> ge
             model->bones.push_back(
                 {{model->metre * from, model->metre * to, static_cast<int>(j)},
                  model->metre * model->skeleton->told_radius(j).value_or(0.0)});
+    warn_of_shared_places(*model);
     if (model->flesh().lattice.empty())
         take_rest_shape(*model);
     take_materials(*model);

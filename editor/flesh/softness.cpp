@@ -31,20 +31,42 @@ std::vector<Vector3d> places_held(const FleshBody& body)
     return places;
 }
 
-/// By how much of the diagonal a sample sags at the most, but where nothing holds it.
-double sag_in(const FleshBody& body, const Vector3d& gravity)
+/// How far samples sag, by small strain, but where nothing holds them.
+struct Sag
 {
+    double of_size = 0.0; ///< at the most [diagonal]
+    double of_thickness =
+        0.0; ///< at the most [flesh between the sample and what holds it]
+};
+
+Sag sag_in(const FleshBody& body, const Vector3d& gravity)
+{
+    Sag out;
     const FleshModel& model = *body.model;
+    const std::vector<Vector3d> held = places_held(body);
+    if (held.empty())
+        return out;
+    const PointTree tree(held);
     const std::vector<Motion> at_rest(body.first_own_motion() + body.own_motions.size());
     const Eigen::VectorXd u = body.flesh->sag(gravity, at_rest);
-    double most = 0.0;
+    const Lattice& lattice = body.flesh->lattice();
     for (std::size_t i = 0; i < body.cell_of_sample.size(); ++i)
     {
-        const int cell = body.cell_of_sample[i];
-        if (!body.is_loose[idx(body.flesh->lattice().cells[idx(cell)][0])])
-            most = std::max(most, at_point(body.point_of_sample(i).shares, u).norm());
+        const CornerNodes& cell = lattice.cells[idx(body.cell_of_sample[i])];
+        if (body.is_loose[cell[0]])
+            continue;
+        const FleshPoint point = body.point_of_sample(i);
+        const double sag = at_point(point.shares, u).norm();
+        const double across =
+            (lattice.places[idx(cell[7])] - lattice.places[idx(cell[0])]).norm();
+        out.of_size = std::max(out.of_size, sag);
+        out.of_thickness = std::max(
+            out.of_thickness,
+            sag /
+                std::max(across, std::sqrt(tree.nearest(point.place).distance_squared)));
     }
-    return most / (model.metre * model.frame.diagonal());
+    out.of_size /= model.metre * model.frame.diagonal();
+    return out;
 }
 
 double rounded_up(double value)
@@ -88,7 +110,7 @@ double holding_stiffness(const FleshBody& body)
 {
     constexpr double kGravity = 9.81; // [m/s^2]
     const double sag =
-        sag_in(body, body.model->frame.axes * Vector3d(0.0, -kGravity, 0.0));
+        sag_in(body, body.model->frame.axes * Vector3d(0.0, -kGravity, 0.0)).of_size;
     return sag > 0.0 && std::isfinite(sag) ? rounded_up(kFirstYoung * sag / kSag) : 0.0;
 }
 
@@ -99,14 +121,18 @@ void warn_of_sag(FleshBody& body)
     if (gravity.isZero(0.0) || model.flesh().is_at_rest_as_drawn ||
         model.settings.law == FleshLaw::Regions)
         return; // the regions would make factors for it
-    if (const double sag = sag_in(body, gravity); sag > kMuch)
-        body.warnings.push_back(
-            at({model.scene.path, 0, "skeleton.E"},
-               fmt::format("the flesh sags by {:.0f} % of its size in its weight, or "
-                           "more: E {} sags by {:.0f} %",
-                           100.0 * std::min(sag, 1.0),
-                           shortest(rounded_up(model.materials[0].young * sag / kSag)),
-                           100.0 * kSag)));
+    const Sag sag = sag_in(body, gravity);
+    if (sag.of_size <= kMuchOfSize && sag.of_thickness <= kMuchOfThickness)
+        return;
+    const double more = std::max(sag.of_size / kSag, sag.of_thickness / kMuchOfThickness);
+    body.warnings.push_back(at(
+        {model.scene.path, 0, "skeleton.E"},
+        fmt::format(
+            "the flesh sags by {:.0f} % of its size and {:.0f} % of its "
+            "thickness in its weight, or more: E {} sags by {:.0f} % of the "
+            "size at the most",
+            100.0 * std::min(sag.of_size, 1.0), 100.0 * std::min(sag.of_thickness, 1.0),
+            shortest(rounded_up(model.materials[0].young * more)), 100.0 * kSag)));
 }
 
 bool settles(const FleshBody& body)

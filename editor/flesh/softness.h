@@ -32,10 +32,12 @@ inline constexpr double kSoftest = 3.0;
 double holding_stiffness(const FleshBody& body);
 inline constexpr double kSag = 0.02;
 
-/// Adds a warning, with the stiffness that would do, if flesh sags by more than kMuch of
-/// the diagonal in the scene's gravity, by small strain.
+/// Adds a warning, with the stiffness that would do, if a sample sags by more than
+/// kMuchOfSize of the diagonal in the scene's gravity, by small strain, or by more than
+/// kMuchOfThickness of the flesh between it and what holds it (a cell at the least).
 void warn_of_sag(FleshBody& body);
-inline constexpr double kMuch = 0.1;
+inline constexpr double kMuchOfSize = 0.1;
+inline constexpr double kMuchOfThickness = 1.0 / 3.0;
 
 /// Whether the flesh hangs in its weight from the first frame on: as the scene says, else
 /// where it has a rest (no obstacle, no part without a bone, not softer than kSoftest);

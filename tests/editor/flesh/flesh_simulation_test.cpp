@@ -384,9 +384,52 @@ TEST(FleshSimulation, without_a_stiffness_the_shape_holds_in_its_weight)
     const auto soft = bar.start();
     ASSERT_EQ(soft->warnings().size(), 1u);
     EXPECT_TRUE(contains(soft->warnings()[0], "skeleton.E: the flesh sags by "));
-    EXPECT_TRUE(contains(soft->warnings()[0],
-                         "E " + shortest(materials[0].young) + " sags by 2 %"))
+    EXPECT_TRUE(contains(soft->warnings()[0], "E " + shortest(materials[0].young) +
+                                                  " sags by 2 % of the size at the most"))
         << soft->warnings()[0] << materials[0].young;
+}
+
+TEST(FleshSimulation,
+     flesh_that_sags_by_a_third_of_its_thickness_over_a_bone_is_warned_of)
+{
+    Bar bar;
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    bar.skeleton = R"("E": 2e4, "across": 16)";
+    EXPECT_TRUE(bar.start()->warnings().empty());
+    bar.skeleton = R"("E": 4e3, "across": 16)"; // some 5 % of the diagonal
+    const auto soft = bar.start();
+    ASSERT_EQ(soft->warnings().size(), 1u);
+    EXPECT_TRUE(contains(soft->warnings()[0], "of its thickness in its weight"))
+        << soft->warnings()[0];
+}
+
+TEST(FleshSimulation, bones_that_hold_the_same_place_are_warned_of_by_name)
+{
+    Bar bar;
+    const auto warning = [&](const std::string& more) -> std::string
+    {
+        const SceneFile scene =
+            parse_scene(bar.folder / "s.json", R"({"cellwarp": 1, "model": "bar.obj",
+            "simulate": {"duration": 0.5}, "skeleton": {"E": 2e4, "joints": [
+                {"name": "root", "parent": null, "at": [0, 0, 0]},
+                {"name": "a", "parent": "root", "at": [0, 0, 4]}, )" +
+                                                   more + "]}}");
+        const FleshSimulation simulation(
+            std::make_shared<const Geometry>(read_geometry(scene.model).geometry), scene,
+            settings_of(scene).cells);
+        for (const std::string& line : simulation.warnings())
+            if (contains(line, "bones hold the same place"))
+                return line;
+        return "";
+    };
+    EXPECT_TRUE(contains(warning(R"({"name": "b", "parent": "root", "at": [0, 0, 3]},
+                                    {"name": "c", "parent": "b", "at": [0, 0, 1]})"),
+                         "move apart: root and b"));
+    // Two bones of one joint move as one, and bones may meet at any angle.
+    EXPECT_EQ(warning(R"({"name": "b", "parent": "root", "at": [0, 0, 3]})"), "");
+    EXPECT_EQ(warning(R"({"name": "b", "parent": "root", "at": [0.3, 0, 3]},
+                         {"name": "c", "parent": "b", "at": [0, 0.1, 1]})"),
+              "");
 }
 
 TEST(FleshSimulation, where_rest_in_its_weight_is_not_found_flesh_has_none)
