@@ -151,8 +151,9 @@ public:
     std::vector<std::string> warnings() const override
     {
         std::vector<std::string> all = request_.warnings;
-        all.insert(all.end(), simulation_.warnings().begin(),
-                   simulation_.warnings().end());
+        for (const std::string& warning : simulation_.warnings())
+            if (std::find(all.begin(), all.end(), warning) == all.end())
+                all.push_back(warning); // both have read the skeleton's file
         seen_.add_warnings(simulation_, all);
         return all;
     }

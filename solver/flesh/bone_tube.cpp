@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <compare>
 #include <limits>
 #include <map>
-#include <unordered_map>
 
 #include <Eigen/LU>
 
@@ -32,16 +32,19 @@ double distance(const BoneLine& bone, const Vector3d& x)
     return (bone.from + t * (bone.to - bone.from) - x).norm();
 }
 
-/// The nearest bone of a voxel so far.
-struct Nearest
+/// A voxel of the material in a bone's tube.
+struct TubeVoxel
 {
-    double distance = std::numeric_limits<double>::infinity();
+    std::size_t voxel = 0;
+    double distance = 0.0; ///< from the bone
     int bone = -1;
+
+    auto operator<=>(const TubeVoxel&) const = default;
 };
 
-/// The voxels of a bone's tube that are joined to the bone, and their distance.
-std::vector<std::pair<std::size_t, double>>
-joined_voxels(const VoxelGrid& grid, double unit, const TubeBone& bone)
+/// Adds the voxels of the tube of bone \p number that are joined to the bone.
+void add_joined_voxels(const VoxelGrid& grid, double unit, const TubeBone& bone,
+                       int number, std::vector<TubeVoxel>& out)
 {
     const Vector3d reach = Vector3d::Constant(bone.radius / unit);
     const Vector3d a = bone.line.from / unit, b = bone.line.to / unit;
@@ -56,13 +59,23 @@ joined_voxels(const VoxelGrid& grid, double unit, const TubeBone& bone)
                    ? std::numeric_limits<double>::infinity()
                    : distance(line, grid.centre(v));
     };
-    std::unordered_map<std::size_t, double> found;
+    const Vector3i size = range.last - range.first + Vector3i::Ones();
+    std::vector<bool> is_found(idx(size.x()) * idx(size.y()) * idx(size.z()), false);
     std::vector<Vector3i> queue;
     const auto visit = [&](const Vector3i& v)
     {
+        const Vector3i at = v - range.first;
+        auto is_here =
+            is_found[(idx(at.z()) * idx(size.y()) + idx(at.y())) * idx(size.x()) +
+                     idx(at.x())];
+        if (is_here)
+            return;
         const double d = away(v);
-        if (d <= radius && found.emplace(grid.index(v), d).second)
-            queue.push_back(v);
+        if (d > radius)
+            return;
+        is_here = true;
+        out.push_back({grid.index(v), d, number});
+        queue.push_back(v);
     };
     for_each_voxel(range,
                    [&](const Vector3i& v)
@@ -82,9 +95,6 @@ joined_voxels(const VoxelGrid& grid, double unit, const TubeBone& bone)
                     visit(v);
             }
     }
-    std::vector<std::pair<std::size_t, double>> out(found.begin(), found.end());
-    std::sort(out.begin(), out.end());
-    return out;
 }
 
 } // namespace
@@ -92,14 +102,14 @@ joined_voxels(const VoxelGrid& grid, double unit, const TubeBone& bone)
 std::vector<std::vector<std::size_t>> voxels_in_tubes(const VoxelGrid& grid, double unit,
                                                       std::span<const TubeBone> bones)
 {
-    std::map<std::size_t, Nearest> nearest; // by voxel
+    std::vector<TubeVoxel> in_tubes;
     for (std::size_t b = 0; b < bones.size(); ++b)
-        for (const auto& [voxel, away] : joined_voxels(grid, unit, bones[b]))
-            if (Nearest& of = nearest[voxel]; away < of.distance)
-                of = {away, static_cast<int>(b)};
+        add_joined_voxels(grid, unit, bones[b], static_cast<int>(b), in_tubes);
+    std::sort(in_tubes.begin(), in_tubes.end());
     std::vector<std::vector<std::size_t>> voxels(bones.size());
-    for (const auto& [voxel, of] : nearest)
-        voxels[idx(of.bone)].push_back(voxel);
+    for (std::size_t k = 0; k < in_tubes.size(); ++k)
+        if (k == 0 || in_tubes[k].voxel != in_tubes[k - 1].voxel)
+            voxels[idx(in_tubes[k].bone)].push_back(in_tubes[k].voxel);
     return voxels;
 }
 
@@ -127,24 +137,27 @@ std::vector<std::vector<MaterialPoint>> points_in_tubes(const Lattice& lattice,
 {
     std::vector<std::vector<MaterialPoint>> out(bones.size());
     for (std::size_t c = 0; c < lattice.cells.size(); ++c)
-        for_each_voxel({Vector3i::Zero(), Vector3i::Constant(kCuts - 1)},
-                       [&](const Vector3i& v)
-                       {
-                           const int cell = static_cast<int>(c);
-                           const Vector3d local =
-                               (v.cast<double>().array() + 0.5) / kCuts;
-                           const Vector3d x = cell_point(lattice, cell, local);
-                           Nearest nearest;
-                           for (std::size_t b = 0; b < bones.size(); ++b)
-                               if (const double d = distance(bones[b].line, x);
-                                   d <= bones[b].radius && d < nearest.distance)
-                                   nearest = {d, static_cast<int>(b)};
-                           if (nearest.bone >= 0)
-                               out[idx(nearest.bone)].push_back(
-                                   {cell, local,
-                                    cell_slopes(lattice, cell, local).determinant() /
-                                        (kCuts * kCuts * kCuts)});
-                       });
+        for_each_voxel(
+            {Vector3i::Zero(), Vector3i::Constant(kCuts - 1)},
+            [&](const Vector3i& v)
+            {
+                const int cell = static_cast<int>(c);
+                const Vector3d local = (v.cast<double>().array() + 0.5) / kCuts;
+                const Vector3d x = cell_point(lattice, cell, local);
+                double near = std::numeric_limits<double>::infinity();
+                std::size_t bone = bones.size();
+                for (std::size_t b = 0; b < bones.size(); ++b)
+                    if (const double d = distance(bones[b].line, x);
+                        d <= bones[b].radius && d < near)
+                    {
+                        near = d;
+                        bone = b;
+                    }
+                if (bone < bones.size())
+                    out[bone].push_back({cell, local,
+                                         cell_slopes(lattice, cell, local).determinant() /
+                                             (kCuts * kCuts * kCuts)});
+            });
     return out;
 }
 

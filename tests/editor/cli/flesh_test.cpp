@@ -49,6 +49,32 @@ struct Files
 
 } // namespace
 
+TEST(SimulateFlesh, a_warning_of_the_skeletons_file_is_shown_once)
+{
+    const Files files;
+    files.folder.write("rig.gltf",
+                       R"({"asset": {"version": "2.0"}, "skins": [{"joints": [0, 1]}],
+        "nodes": [{"name": "root", "children": [1], "scale": [1.004, 1, 1]},
+                  {"name": "foot", "translation": [0, 0, 4]}]})");
+    const std::string scene = files.folder.write(
+        "rig.json", R"({"cellwarp": 1, "model": "bar.obj", "simulate": {"duration": 0.02},
+                        "skeleton": {"file": "rig.gltf", "E": 1e6}})");
+    for (const char* command : {"check", "simulate"})
+    {
+        std::vector<std::string> arguments{command, scene, "--json"};
+        if (arguments[0] == "simulate")
+            arguments.insert(arguments.end(), {"-o", files.folder / "out.obj"});
+        const Result result = run(arguments);
+        ASSERT_EQ(result.code, 0) << result.err;
+        const std::vector<std::string> warnings = Json::parse(result.out)["warnings"];
+        EXPECT_EQ(std::count_if(warnings.begin(), warnings.end(),
+                                [](const std::string& warning)
+                                { return contains(warning, "scales joints by up to"); }),
+                  1)
+            << command << result.out;
+    }
+}
+
 TEST(SimulateFlesh, writes_frames_and_tells_of_them)
 {
     const Files files(R"(, "rest": "as-drawn")");
