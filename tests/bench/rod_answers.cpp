@@ -128,8 +128,9 @@ int main()
         cellwarp::add_vibrations(answers);
         cellwarp::add_motion(answers);
         cellwarp::add_sliding(answers);
-        fmt::print("# Rods against exact numbers\n\nMade by `scripts/bench answers`. "
-                   "Errors are shares of the exact number, or of what the row names; "
+        fmt::print("# Rods against exact numbers\n\nMade by `scripts/bench answers`; "
+                   "the last three tables by what `simulate` reports. Errors are shares "
+                   "of the exact number, or of what the row names; "
                    "points are control points of a cubic; seconds are of one core.\n");
         answers.print();
     }
