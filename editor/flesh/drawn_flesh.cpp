@@ -64,11 +64,12 @@ bool is_near(const BoneLine& bone, const Vector3d& x, double near)
     return (bone.from + t * (bone.to - bone.from) - x).norm() <= near;
 }
 
-/// The vertices of edges that lie on a bone of the skeleton, each once.
-std::vector<HeldPoint> points_of_edges(const FleshModel& model, const Hexahedra& lattice,
-                                       const MeditMesh& mesh, double near)
+/// What moves the edges, which lie on bones of the skeleton, and their vertices.
+std::map<std::vector<int>, int> motions_of_edges(const FleshModel& model,
+                                                 const Hexahedra& lattice,
+                                                 const MeditMesh& mesh, double near)
 {
-    std::map<int, int> motion_of_vertex;
+    std::map<std::vector<int>, int> motions;
     std::size_t off = 0, first_off = 0;
     for (std::size_t e = 0; e < lattice.edges.size(); ++e)
     {
@@ -79,8 +80,9 @@ std::vector<HeldPoint> points_of_edges(const FleshModel& model, const Hexahedra&
                 is_near(bone.line, lattice.places[idx(b)], near))
             {
                 is_on = true;
-                motion_of_vertex.emplace(a, bone.line.motion);
-                motion_of_vertex.emplace(b, bone.line.motion);
+                for (const std::vector<int>& of :
+                     {std::vector{a}, {b}, {std::min(a, b), std::max(a, b)}})
+                    motions.emplace(of, bone.line.motion);
                 break;
             }
         if (!is_on && off++ == 0)
@@ -96,10 +98,7 @@ std::vector<HeldPoint> points_of_edges(const FleshModel& model, const Hexahedra&
                                     edge.vertices[0] + 1, edge.vertices[1] + 1,
                                     (off + pieces - 1) / pieces, mesh.edges.size()));
     }
-    std::vector<HeldPoint> points;
-    for (const auto& [vertex, motion] : motion_of_vertex)
-        points.push_back({{{vertex, 1.0}}, lattice.places[idx(vertex)], motion});
-    return points;
+    return motions;
 }
 
 /// A bone that edges follow from end to end needs no other points.
@@ -161,124 +160,22 @@ std::vector<int> materials_of(const FleshModel& model, const Lattice& lattice,
     return out;
 }
 
-/// What was drawn, all cells halved max_depth times.
-Hexahedra subdivided(const FleshModel& model, const DrawnCells& drawn, DrawnFlesh& out)
+/// Where each sample lies, in the cell that holds it or is nearest.
+std::vector<DrawnForest::Place> places_of_samples(const FleshModel& model,
+                                                  const DrawnForest& forest,
+                                                  std::vector<std::string>& warnings)
 {
-    Hexahedra cells = hexahedra_of(drawn);
-    out.vertices = {drawn.places.size(), cells.means};
-    std::vector<SparseRows> levels;
-    for (std::int64_t level = 1; level <= model.flesh().max_depth.value_or(0); ++level)
-    {
-        const std::size_t size = 8 * cells.cells.size();
-        if (static_cast<std::int64_t>(size) > model.cells.max_cells)
-            throw Error(Fault::Budget,
-                        at({model.scene.path, 0, "skeleton.max_depth"},
-                           fmt::format("at depth {} the lattice has {} cells, more than "
-                                       "max_cells {}",
-                                       level, size, model.cells.max_cells)));
-        out.lattice.coarser.insert(out.lattice.coarser.begin(),
-                                   {cells.places.size(), {}});
-        cells = halved(cells);
-        std::vector<NodeShares> of_vertices;
-        for (const NodeShares& mean : cells.means)
-        {
-            out.lattice.coarser.front().below.add(mean);
-            NodeShares& sum = of_vertices.emplace_back();
-            for (const NodeShare& node : mean)
-                for (const NodeShare& vertex : out.vertices.of_node[idx(node.node)])
-                    sum.push_back({vertex.node, node.share * vertex.share});
-            sum = gathered(std::move(sum));
-        }
-        out.vertices.of_node = std::move(of_vertices);
-    }
-    return cells;
-}
-
-} // namespace
-
-DrawnFlesh read_drawn_flesh(const FleshModel& model)
-{
-    DrawnFlesh out;
-    const MeditMesh mesh = read_medit(model.flesh().lattice);
-    DrawnCells drawn;
-    for (const Vector3d& x : mesh.vertices)
-        drawn.places.push_back(model.to_metres(x));
-    std::vector<DrawnName> names;
-    std::vector<std::int64_t> references;
-    const auto add = [&](const auto& cells, const char* kind)
-    {
-        for (std::size_t k = 0; k < cells.size(); ++k)
-        {
-            const auto& vertices = cells[k].vertices;
-            drawn.cells.emplace_back(vertices.begin(), vertices.end());
-            references.push_back(cells[k].reference);
-            names.push_back({cells[k].line, fmt::format("{} {}", kind, k + 1)});
-        }
-    };
-    add(mesh.hexahedra, "hexahedron");
-    add(mesh.tetrahedra, "tetrahedron");
-    add(mesh.prisms, "prism");
-    refuse_twins(model, drawn, names);
-    for (const auto& edge : mesh.edges)
-        drawn.edges.emplace_back(edge.vertices[0], edge.vertices[1]);
-    const Hexahedra hexahedra = subdivided(model, drawn, out);
-    Lattice& lattice = out.lattice;
-    try
-    {
-        Lattice of_cells = drawn_lattice(hexahedra.places, hexahedra.cells,
-                                         std::vector<int>(hexahedra.cells.size(), 0));
-        of_cells.coarser = std::move(lattice.coarser);
-        lattice = std::move(of_cells);
-    }
-    catch (const InvertedHexahedron& fault)
-    {
-        const DrawnName& name = names[idx(hexahedra.cell_of[fault.number])];
-        throw malformed({model.flesh().lattice, name.line, ""},
-                        name.text + " is turned inside out");
-    }
-    std::vector<std::int64_t> reference_of_cell;
-    for (const int cell : hexahedra.cell_of)
-        reference_of_cell.push_back(references[idx(cell)]);
-    const std::vector<int> materials = materials_of(model, lattice, reference_of_cell);
-    for (LatticePart& part : lattice.parts)
-        part.material = materials[idx(part.cell)];
-    const double near = kOnBone * model.metre * model.frame.diagonal();
-    out.points = points_of_edges(model, hexahedra, mesh, near);
-    std::vector<BoneLine> lines;
-    for (const TubeBone& bone : model.bones)
-        if (!runs_along_edges(bone.line, hexahedra, near))
-            lines.push_back(bone.line);
-    const std::vector<HeldPoint> crossings =
-        points_on_bones(lattice, lines, [](int, const Vector3d&) { return true; });
-    out.points.insert(out.points.end(), crossings.begin(), crossings.end());
-    out.bones = model.bones;
-    for (TubeBone& bone : out.bones)
-        if (!(bone.radius > 0.0))
-            bone.radius = kRadiusOfBone * (bone.line.to - bone.line.from).norm();
-    return out;
-}
-
-int drawn_cell_of(const Lattice& lattice, const Vector3d& metres)
-{
-    for (int cell = 0; cell < static_cast<int>(lattice.cells.size()); ++cell)
-        if (const std::optional<Vector3d> local = local_place(lattice, cell, metres);
-            local && local->minCoeff() >= -kBeside && local->maxCoeff() <= 1.0 + kBeside)
-            return cell;
-    return -1;
-}
-
-void locate_samples(const FleshModel& model, const Lattice& lattice,
-                    std::vector<int>& cell_of_sample, std::vector<Vector3d>& local,
-                    std::vector<std::string>& warnings)
-{
+    const Lattice lattice = forest.lattice(forest.roots()).lattice;
     std::vector<Vector3d> middles;
     for (int c = 0; c < static_cast<int>(lattice.cells.size()); ++c)
         middles.push_back(cell_point(lattice, c, Vector3d::Constant(0.5)));
     const PointTree tree(middles);
     std::vector<PointTree::Neighbour> near;
     std::size_t outside = 0;
-    // Of a cell: samples farther off count as outside, and where its map ends.
-    constexpr double kOutside = 0.05, kReach = 1.0;
+    // Of a smallest cell: samples farther off count as outside, and where its map ends.
+    const double finest = 1.0 / (1 << forest.max_depth());
+    const double outside_at = 0.05 * finest, reach = finest;
+    std::vector<DrawnForest::Place> out;
     for (const Vector3d& sample : model.geometry->samples)
     {
         const Vector3d x = model.to_metres(sample);
@@ -294,7 +191,7 @@ void locate_samples(const FleshModel& model, const Lattice& lattice,
             if (!found)
                 continue;
             // Far outside a bent cell the map folds: how far counts in space.
-            const Vector3d near_cell = found->cwiseMax(-kReach).cwiseMin(1.0 + kReach);
+            const Vector3d near_cell = found->cwiseMax(-reach).cwiseMin(1.0 + reach);
             const Vector3d inside = found->cwiseMax(0.0).cwiseMin(1.0);
             const double beyond = (cell_point(lattice, cell, inside) - x).norm();
             if (beyond < least)
@@ -302,14 +199,13 @@ void locate_samples(const FleshModel& model, const Lattice& lattice,
                 least = beyond;
                 best = cell;
                 at = near_cell;
-                is_outside = (*found - inside).norm() > kOutside;
+                is_outside = (*found - inside).norm() > outside_at;
             }
             if (*found == inside)
                 break;
         }
         outside += is_outside;
-        cell_of_sample.push_back(best);
-        local.push_back(at);
+        out.push_back({idx(best), at});
     }
     if (outside > 0)
         warnings.push_back(
@@ -317,6 +213,132 @@ void locate_samples(const FleshModel& model, const Lattice& lattice,
                fmt::format("{} of {} samples lie outside the lattice: they follow the "
                            "nearest cell",
                            outside, model.geometry->samples.size())));
+    return out;
+}
+
+} // namespace
+
+DrawnFlesh read_drawn_flesh(const FleshModel& model, std::vector<std::string>& warnings)
+{
+    const MeditMesh mesh = read_medit(model.flesh().lattice);
+    DrawnCells cells;
+    for (const Vector3d& x : mesh.vertices)
+        cells.places.push_back(model.to_metres(x));
+    std::vector<DrawnName> names;
+    std::vector<std::int64_t> references;
+    const auto add = [&](const auto& of, const char* kind)
+    {
+        for (std::size_t k = 0; k < of.size(); ++k)
+        {
+            const auto& vertices = of[k].vertices;
+            cells.cells.emplace_back(vertices.begin(), vertices.end());
+            references.push_back(of[k].reference);
+            names.push_back({of[k].line, fmt::format("{} {}", kind, k + 1)});
+        }
+    };
+    add(mesh.hexahedra, "hexahedron");
+    add(mesh.tetrahedra, "tetrahedron");
+    add(mesh.prisms, "prism");
+    refuse_twins(model, cells, names);
+    for (const auto& edge : mesh.edges)
+        cells.edges.emplace_back(edge.vertices[0], edge.vertices[1]);
+    const bool has_detail = model.flesh().detail > 0.0;
+    DrawnForest forest(hexahedra_of(cells), model.cells.max_depth);
+    Octree first = forest.roots();
+    for (int level = 1; !has_detail && level <= model.cells.max_depth; ++level)
+    {
+        model.check_cells(8 * first.leaves().size(), level);
+        first = first.split_all(level, forest.has_material());
+    }
+    DrawnFlesh out{std::move(forest), std::move(first)};
+    out.num_vertices = cells.places.size();
+    const Hexahedra& hexahedra = out.forest.drawn();
+    std::vector<int> cell_of; // in the file, of each cell
+    for (const Leaf& leaf : out.first.leaves())
+        cell_of.push_back(hexahedra.cell_of[out.forest.root_of(leaf)]);
+    Lattice lattice;
+    try
+    {
+        lattice = out.forest.lattice(out.first).lattice;
+        // However small parts are, they must be the right way round.
+        for (std::size_t cell = 0; has_detail && cell < cell_of.size(); ++cell)
+            for (int k = 0; k < 8; ++k)
+                if (!(cell_slopes(lattice, static_cast<int>(cell),
+                                  Vector3d(k & 1, k >> 1 & 1, k >> 2))
+                          .determinant() > 0.0))
+                    throw InvertedHexahedron(cell);
+    }
+    catch (const InvertedHexahedron& fault)
+    {
+        const DrawnName& name = names[idx(cell_of[fault.number])];
+        throw malformed({model.flesh().lattice, name.line, ""},
+                        name.text + " is turned inside out");
+    }
+    std::vector<std::int64_t> reference_of_cell;
+    for (const int cell : cell_of)
+        reference_of_cell.push_back(references[idx(cell)]);
+    out.materials = materials_of(model, lattice, reference_of_cell);
+    for (const CornerNodes& corners : lattice.cells)
+        out.edge = std::max(
+            out.edge,
+            (lattice.places[idx(corners[1])] - lattice.places[idx(corners[0])]).norm());
+    const double near = kOnBone * model.metre * model.frame.diagonal();
+    out.motion_of_edge = motions_of_edges(model, hexahedra, mesh, near);
+    for (const TubeBone& bone : model.bones)
+        if (!runs_along_edges(bone.line, hexahedra, near))
+            out.lines.push_back(bone.line);
+    out.bones = model.bones;
+    for (TubeBone& bone : out.bones)
+        if (!(bone.radius > 0.0))
+            bone.radius = kRadiusOfBone * (bone.line.to - bone.line.from).norm();
+    out.samples = places_of_samples(model, out.forest, warnings);
+    if (!model.flesh().fine_regions.empty())
+        for (const Region& region :
+             flesh_regions(model, model.flesh().fine_regions, "skeleton.detail_regions"))
+            out.fine.insert(out.fine.end(), region.samples.begin(), region.samples.end());
+    return out;
+}
+
+DrawnLattice lattice_of(const DrawnFlesh& drawn, const Octree& octree)
+{
+    DrawnLattice out;
+    ForestLattice made = drawn.forest.lattice(octree);
+    out.lattice = std::move(made.lattice);
+    for (LatticePart& part : out.lattice.parts)
+        part.material =
+            drawn
+                .materials[idx(drawn.first.find(octree.leaves()[idx(part.cell)].corner))];
+    out.vertices = {drawn.num_vertices, {}, drawn.edge};
+    for (std::size_t n = 0; n < made.of_vertices.size(); ++n)
+    {
+        std::vector<int> of;
+        NodeShares in_file;
+        for (const NodeShare& vertex : made.of_vertices[n])
+        {
+            of.push_back(vertex.node);
+            for (const NodeShare& drawn_one :
+                 drawn.forest.drawn().means[idx(vertex.node)])
+                in_file.push_back({drawn_one.node, vertex.share * drawn_one.share});
+        }
+        out.vertices.of_node.push_back(gathered(std::move(in_file)));
+        if (const auto edge = drawn.motion_of_edge.find(of);
+            edge != drawn.motion_of_edge.end() && out.lattice.hanging[n].empty())
+            out.points.push_back(
+                {{{static_cast<int>(n), 1.0}}, out.lattice.places[n], edge->second});
+    }
+    const std::vector<HeldPoint> crossings = points_on_bones(
+        out.lattice, drawn.lines, [](int, const Vector3d&) { return true; });
+    out.points.insert(out.points.end(), crossings.begin(), crossings.end());
+    return out;
+}
+
+int drawn_cell_of(const Lattice& lattice, const Vector3d& metres)
+{
+    for (int cell = 0; cell < static_cast<int>(lattice.cells.size()); ++cell)
+        if (const std::optional<Vector3d> local = local_place(lattice, cell, metres);
+            local && local->minCoeff() >= -kBeside && local->maxCoeff() <= 1.0 + kBeside)
+            return cell;
+    return -1;
 }
 
 } // namespace cellwarp

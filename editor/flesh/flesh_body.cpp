@@ -158,28 +158,47 @@ void take_surface(FleshBody& body)
     body.flesh->set_surface(std::move(surface));
 }
 
-FleshBody drawn_body(std::shared_ptr<const FleshModel> model)
+/// The lattice of a body's tree, and what bones hold of it.
+DrawnLattice bare_lattice(FleshBody& body)
 {
-    FleshBody body;
-    body.model = std::move(model);
-    DrawnFlesh drawn = read_drawn_flesh(*body.model);
-    const Lattice& lattice = drawn.lattice;
-    locate_samples(*body.model, lattice, body.cell_of_sample, body.local, body.warnings);
-    body.held_points =
-        held_points(*body.model, lattice,
-                    [&](const Vector3d& x) { return drawn_cell_of(lattice, x); });
-    std::vector<TubePart> tubes;
-    if (body.model->flesh().has_tube)
-        tubes =
-            tubes_of(body, lattice, drawn.bones, points_in_tubes(lattice, drawn.bones));
-    std::vector<FleshRegionShares> regions;
-    if (needs_regions(body.model->flesh()))
-        regions = region_weights(*body.model, lattice, nullptr, body.cell_of_sample,
-                                 &drawn.vertices);
-    finish(body, std::move(drawn.lattice), std::move(drawn.points), std::move(tubes),
-           std::move(regions));
-    take_surface(body);
-    return body;
+    const FleshModel& model = *body.model;
+    if (model.drawn)
+        return lattice_of(*model.drawn, *body.tree);
+    body.octree = std::make_shared<const Body>(cut(model.rest, *body.tree));
+    DrawnLattice out;
+    out.lattice = octree_lattice(*body.tree, body.octree->cells, model.metre);
+    std::vector<BoneLine> lines;
+    for (const TubeBone& bone : model.bones)
+        lines.push_back(bone.line);
+    out.points =
+        points_on_bones(out.lattice, lines,
+                        [&](int cell, const Vector3d& x)
+                        {
+                            return piece_at(model.rest->material.grid,
+                                            body.octree->pieces, x / model.metre) == cell;
+                        });
+    return out;
+}
+
+/// Where the samples lie in a lattice.
+void locate_samples(FleshBody& body, const Lattice& lattice)
+{
+    const FleshModel& model = *body.model;
+    if (model.drawn)
+        for (const DrawnForest::Place& sample : model.drawn->samples)
+        {
+            const auto& [cell, local] =
+                model.drawn->forest.place_in_leaf(*body.tree, sample);
+            body.cell_of_sample.push_back(static_cast<int>(cell));
+            body.local.push_back(local);
+        }
+    else
+    {
+        body.cell_of_sample = body.octree->cell_of_sample;
+        for (std::size_t i = 0; i < model.rest->samples.size(); ++i)
+            body.local.push_back(*local_place(lattice, body.cell_of_sample[i],
+                                              model.metre * model.rest->samples[i]));
+    }
 }
 
 } // namespace
@@ -187,17 +206,25 @@ FleshBody drawn_body(std::shared_ptr<const FleshModel> model)
 std::vector<LeafNumber> leaves_of_fine_regions(const FleshModel& model,
                                                const Octree& octree)
 {
-    const VoxelGrid& grid = model.rest->material.grid;
     std::vector<char> is_fine(octree.leaves().size(), 0);
-    for (std::size_t region = 0; region < model.fine->size(); ++region)
-        model.fine->voxels(region).for_each(
-            [&](std::size_t voxel)
-            {
-                const LeafNumber leaf =
-                    octree.find(grid.coordinates(voxel) / grid.shape().voxels_per_leaf);
-                if (leaf != LeafNumber::None)
-                    is_fine[idx(leaf)] = 1;
-            });
+    if (model.fine)
+    {
+        const VoxelGrid& grid = model.rest->material.grid;
+        for (std::size_t region = 0; region < model.fine->size(); ++region)
+            model.fine->voxels(region).for_each(
+                [&](std::size_t voxel)
+                {
+                    const LeafNumber leaf = octree.find(grid.coordinates(voxel) /
+                                                        grid.shape().voxels_per_leaf);
+                    if (leaf != LeafNumber::None)
+                        is_fine[idx(leaf)] = 1;
+                });
+    }
+    if (model.drawn)
+        for (const std::uint32_t sample : model.drawn->fine)
+            is_fine[model.drawn->forest
+                        .place_in_leaf(octree, model.drawn->samples[sample])
+                        .cell] = 1;
     std::vector<LeafNumber> leaves;
     for (const LeafNumber leaf : octree.numbers())
         if (is_fine[idx(leaf)])
@@ -207,33 +234,33 @@ std::vector<LeafNumber> leaves_of_fine_regions(const FleshModel& model,
 
 Octree first_octree(const FleshModel& model)
 {
-    const CellSettings& cells = model.cells;
-    const auto check = [&](std::size_t size, int level)
+    const bool has_detail = model.flesh().detail > 0.0;
+    const MaterialTest has_material = model.has_material();
+    Octree octree = model.drawn ? model.drawn->first
+                                : Octree(model.rest->material.grid.shape(), has_material);
+    if (model.drawn && !has_detail)
+        return octree;
+    model.check_cells(octree.leaves().size(), 0);
+    for (int level = 1; level <= model.cells.max_depth; ++level)
     {
-        if (static_cast<std::int64_t>(size) > cells.max_cells)
-            throw Error(Fault::Budget,
-                        at({model.scene.path, 0,
-                            level == 0 ? "skeleton.across" : "skeleton.max_depth"},
-                           fmt::format("at depth {} the lattice has {} cells, more than "
-                                       "max_cells {}",
-                                       level, size, cells.max_cells)));
-    };
-    const MaterialTest has_material = material_test(model.rest->material.grid);
-    Octree octree(model.rest->material.grid.shape(), has_material);
-    check(octree.leaves().size(), 0);
-    for (int level = 1; level <= cells.max_depth; ++level)
-    {
-        if (model.flesh().detail == 0.0)
-            octree = octree.split(crossed_by_bones(model, octree), has_material);
-        else if (model.fine)
-            octree = octree.split(leaves_of_fine_regions(model, octree), has_material);
-        check(octree.leaves().size(), level);
+        octree = octree.split(has_detail ? leaves_of_fine_regions(model, octree)
+                                         : crossed_by_bones(model, octree),
+                              has_material);
+        model.check_cells(octree.leaves().size(), level);
     }
     return octree;
 }
 
-std::vector<int> cells_around(const Body& cells, const Body& others)
+std::vector<int> cells_around(const FleshBody& body, const FleshBody& other)
 {
+    if (!body.octree)
+    {
+        std::vector<int> around;
+        for (const Leaf& leaf : body.tree->leaves())
+            around.push_back(static_cast<int>(other.tree->find(leaf.corner)));
+        return around;
+    }
+    const Body& cells = *body.octree;
     std::vector<int> around(cells.cells.size(), -1);
     const VoxelGrid& grid = cells.rest->material.grid;
     cells.pieces.for_each(
@@ -244,7 +271,7 @@ std::vector<int> cells_around(const Body& cells, const Body& others)
                 is_in(voxel_block(grid.shape(),
                                   cells.octree[cells.cells.cells[idx(cell)].leaf]),
                       grid.coordinates(voxel))) // no crumb of elsewhere
-                around[idx(cell)] = others.pieces.at(grid, voxel);
+                around[idx(cell)] = other.octree->pieces.at(grid, voxel);
         });
     return around;
 }
@@ -261,8 +288,6 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> model)
 {
     const auto built = [](std::shared_ptr<const FleshModel> of)
     {
-        if (!of->flesh().lattice.empty())
-            return drawn_body(std::move(of));
         const Octree octree = first_octree(*of);
         return build_flesh(std::move(of), octree, octree);
     };
@@ -290,33 +315,32 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
     const FleshModel& model = *body.model;
     const bool has_detail = model.flesh().detail > 0.0;
     const bool leaves = coarser.leaves() != octree.leaves();
-    body.octree = std::make_shared<const Body>(cut(model.rest, octree));
-    const Body& cells = *body.octree;
-    const Pieces& pieces = cells.pieces;
-    const VoxelGrid& grid = model.rest->material.grid;
-    Lattice lattice = octree_lattice(cells.octree, cells.cells, model.metre);
-    if (model.materials.size() > 1)
-        lattice.parts = parts_by_material(grid, cells.octree, cells.pieces,
-                                          model.material_of_voxel, model.metre);
-    std::vector<BoneLine> lines;
-    for (const TubeBone& bone : model.bones)
-        lines.push_back(bone.line);
+    body.tree = std::make_shared<const Octree>(octree);
+    DrawnLattice bare = bare_lattice(body);
+    Lattice& lattice = bare.lattice;
+    if (body.octree && model.materials.size() > 1)
+        lattice.parts =
+            parts_by_material(model.rest->material.grid, octree, body.octree->pieces,
+                              model.material_of_voxel, model.metre);
     const CellOf cell_of = [&](const Vector3d& x)
-    { return static_cast<int>(piece_at(grid, pieces, x / model.metre)); };
+    {
+        return body.octree
+                   ? static_cast<int>(piece_at(model.rest->material.grid,
+                                               body.octree->pieces, x / model.metre))
+                   : drawn_cell_of(lattice, x);
+    };
     std::vector<HeldPoint> points;
     if (leaves)
     {
-        const Body large = cut(model.rest, coarser);
-        const Lattice coarse = octree_lattice(large.octree, large.cells, model.metre);
-        body.coarse_cell = cells_around(cells, large);
-        for (const Cell& cell : large.cells.cells)
-            body.coarse_leaf.push_back(large.octree[cell.leaf]);
+        FleshBody large;
+        large.model = body.model;
+        large.tree = std::make_shared<const Octree>(coarser);
+        const DrawnLattice of_large = bare_lattice(large);
+        const Lattice& coarse = of_large.lattice;
+        body.coarse_cell = cells_around(body, large);
+        for (const LatticeBox& box : coarse.boxes)
+            body.coarse_leaf.push_back(coarser[coarser.find(box.corner)]);
         body.leaving = let_leave(lattice, coarse, body.coarse_cell);
-        // Bones hold what they will hold in the coarser lattice.
-        const std::vector<HeldPoint> on_bones = points_on_bones(
-            coarse, lines,
-            [&](int cell, const Vector3d& x)
-            { return piece_at(grid, large.pieces, x / model.metre) == cell; });
         for (const LeavingNodes::Node& node : body.leaving.nodes)
         {
             HeldPoint& row = points.emplace_back();
@@ -325,7 +349,8 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
             for (const NodeShare& parent : node.parents)
                 row.shares.push_back({parent.node, -parent.share});
         }
-        for (const HeldPoint& point : on_bones)
+        // Bones hold what they will hold in the coarser lattice.
+        for (const HeldPoint& point : of_large.points)
             if (const int cell = cell_of(point.place); cell >= 0)
             {
                 const Vector3d local = *local_place(lattice, cell, point.place);
@@ -335,9 +360,7 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
             }
     }
     else
-        points = points_on_bones(lattice, lines,
-                                 [&](int cell, const Vector3d& x)
-                                 { return cell_of(x) == cell; });
+        points = std::move(bare.points);
     body.held_points = held_points(model, lattice, cell_of);
     const auto own = [&](HeldPoint& point, int follows)
     {
@@ -352,20 +375,23 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
         for (HeldPoint& point : body.held_points.whole)
             own(point, point.motion);
     }
+    locate_samples(body, lattice);
     std::vector<TubePart> tubes;
     if (model.flesh().has_tube)
-        tubes = tubes_of(
-            body, lattice, model.bones,
-            points_in_tubes(grid, pieces, lattice, model.metre, model.tube_voxels));
+        tubes =
+            model.drawn
+                ? tubes_of(body, lattice, model.drawn->bones,
+                           points_in_tubes(lattice, model.drawn->bones))
+                : tubes_of(body, lattice, model.bones,
+                           points_in_tubes(model.rest->material.grid, body.octree->pieces,
+                                           lattice, model.metre, model.tube_voxels));
     std::vector<FleshRegionShares> regions;
     if (needs_regions(model.flesh()))
-        regions = region_weights(model, lattice, &cells.cells, cells.cell_of_sample);
+        regions =
+            region_weights(model, lattice, body.octree ? &body.octree->cells : nullptr,
+                           body.cell_of_sample, model.drawn ? &bare.vertices : nullptr);
     finish(body, std::move(lattice), std::move(points), std::move(tubes),
            std::move(regions));
-    body.cell_of_sample = cells.cell_of_sample;
-    for (std::size_t i = 0; i < model.rest->samples.size(); ++i)
-        body.local.push_back(*local_place(body.flesh->lattice(), body.cell_of_sample[i],
-                                          model.metre * model.rest->samples[i]));
     take_surface(body);
     return body;
 }

@@ -25,6 +25,7 @@ struct FleshBody
     std::shared_ptr<const FleshModel> model;
     /// The octree's; null of a lattice that was drawn.
     std::shared_ptr<const Body> octree;
+    std::shared_ptr<const Octree> tree; ///< its leaves have the cells
     std::shared_ptr<Flesh> flesh;
     std::vector<int> cell_of_sample;
     std::vector<Eigen::Vector3d> local; ///< of each sample, in its cell
@@ -45,8 +46,8 @@ struct FleshBody
     };
     std::vector<OwnMotion> own_motions;
     LeavingNodes leaving;
-    /// Of each cell of the octree, the one of the coarser lattice that it is or will be a
-    /// part of, and the leaves of those; empty: nothing leaves.
+    /// Of each cell, the one of the coarser lattice that it is or will be a part of, and
+    /// the leaves of those; empty: nothing leaves.
     std::vector<int> coarse_cell;
     std::vector<Leaf> coarse_leaf;
     std::vector<std::string> warnings;
@@ -67,13 +68,12 @@ struct FleshBody
 Octree first_octree(const FleshModel& model);
 
 /// The leaves that hold material of regions whose cells are small.
-/// \pre model.fine
 std::vector<LeafNumber> leaves_of_fine_regions(const FleshModel& model,
                                                const Octree& octree);
 
 /// Of each cell of a body, the one of another body of the same shape that has its
-/// material: its first voxel.
-std::vector<int> cells_around(const Body& cells, const Body& others);
+/// material: its first voxel, or its first part.
+std::vector<int> cells_around(const FleshBody& body, const FleshBody& other);
 
 /// In the first lattice; of material whose stiffness the scene does not tell with that
 /// of holding_stiffness(). Throws Fault::Malformed for what the scene says and cannot be.

@@ -132,22 +132,17 @@ Moved extrapolated(const Lattice& lattice, const std::vector<int>& nodes,
 
 std::vector<double> uneven_strains(const FleshBody& body, const FleshState& state)
 {
-    const Cells& cells = body.octree->cells;
-    const double metre = body.model->metre;
     std::vector<Matrix3d> strains = body.flesh->deformations(state);
     for (Matrix3d& F : strains)
         F = 0.5 * (F.transpose() * F - Matrix3d::Identity());
-    std::vector<double> errors(cells.size(), 0.0);
-    for (const Face& face : cells.faces)
+    std::vector<double> errors(strains.size(), 0.0);
+    for (const CellSide& side : body.flesh->lattice().sides)
     {
-        const Cell &a = cells.cells[idx(face.a)], &b = cells.cells[idx(face.b)];
-        const double slope = (strains[idx(face.a)] - strains[idx(face.b)]).norm() /
-                             (0.5 * metre * (a.edge + b.edge));
-        for (const int cell : {face.a, face.b})
-        {
-            const double edge = metre * cells.cells[idx(cell)].edge;
-            errors[idx(cell)] = std::max(errors[idx(cell)], slope * edge * edge);
-        }
+        const double slope = (strains[idx(side.a)] - strains[idx(side.b)]).norm() /
+                             (0.5 * (side.width_a + side.width_b));
+        for (const auto& [cell, width] :
+             {std::pair(side.a, side.width_a), {side.b, side.width_b}})
+            errors[idx(cell)] = std::max(errors[idx(cell)], slope * width * width);
     }
     return errors;
 }
@@ -157,12 +152,12 @@ DetailChange change_detail(const FleshBody& body, const DetailLook& look,
 {
     DetailChange out;
     const Octree& octree = *detail.octree;
-    const std::vector<Cell>& cells = body.octree->cells.cells;
+    const std::vector<LatticeBox>& cells = body.flesh->lattice().boxes;
     std::vector<double> error(octree.leaves().size(), 0.0);
     std::vector<char> is_wanted(octree.leaves().size(), 0);
     for (std::size_t c = 0; c < cells.size(); ++c)
     {
-        const std::size_t leaf = idx(cells[c].leaf);
+        const std::size_t leaf = idx(octree.find(cells[c].corner));
         error[leaf] = std::max(error[leaf], look.errors[c]);
         is_wanted[leaf] = is_wanted[leaf] || look.is_wanted[c];
     }
@@ -201,7 +196,7 @@ DetailChange change_detail(const FleshBody& body, const DetailLook& look,
         else if (look.step - one.since >= look.steps_of_fade)
             leaving.push_back({box, look.step});
     }
-    const MaterialTest has_material = material_test(body.model->rest->material.grid);
+    const MaterialTest has_material = body.model->has_material();
     Octree next = octree;
     // The worst first, as far as there is room.
     std::stable_sort(split.begin(), split.end(),
@@ -251,19 +246,17 @@ CarriedState carried_to(const FleshBody& to, const FleshBody& from,
     const Eigen::Index size = Eigen::Index(3 * lattice.places.size());
     CarriedState out{{VectorXd::Zero(size), VectorXd::Zero(size)},
                      std::vector<int>(lattice.places.size(), -1)};
-    const auto leaf_of = [](const FleshBody& of, int cell) -> const Leaf&
-    { return of.octree->octree[of.octree->cells.cells[idx(cell)].leaf]; };
     std::vector<char> is_set(lattice.places.size(), 0);
-    const std::vector<int> around = cells_around(*to.octree, *from.octree);
+    const std::vector<int> cells = cells_around(to, from);
     for (std::size_t c = 0; c < lattice.cells.size(); ++c)
     {
-        const int cell = around[c];
-        const Leaf &leaf = leaf_of(to, static_cast<int>(c)), &was = leaf_of(from, cell);
-        const bool has_left = was.level > leaf.level;
+        const int cell = cells[c];
+        const LatticeBox &box = lattice.boxes[c], &was = old.boxes[idx(cell)];
+        const bool has_left = was.width < box.width;
         const CornerNodes& corners =
             has_left ? from.leaving.coarse_cells[idx(from.coarse_cell[idx(cell)])]
                      : old.cells[idx(cell)];
-        const bool is_same = has_left || was == leaf;
+        const bool is_same = has_left || was == box;
         for (std::size_t k = 0; k < 8; ++k)
         {
             const int node = lattice.cells[c][k];
@@ -272,9 +265,8 @@ CarriedState carried_to(const FleshBody& to, const FleshBody& from,
             if (is_set[idx(node)])
                 continue;
             is_set[idx(node)] = 1;
-            Vector3d local(k & 1, k >> 1 & 1, k >> 2 & 1);
-            if (!is_same)
-                local = *local_place(old, cell, lattice.places[idx(node)]);
+            const LatticeBox& around = has_left ? box : was;
+            const Vector3d local = place_in(around, corner_of(box, static_cast<int>(k)));
             set_node(out.state, node, moved_of(corners, local, state));
         }
     }
@@ -289,7 +281,7 @@ CarriedState carried_to(const FleshBody& to, const FleshBody& from,
             if (is_set[idx(node)])
                 continue;
             is_set[idx(node)] = 1;
-            const int cell = around[idx(cells_of_coarse[c].front())];
+            const int cell = cells[idx(cells_of_coarse[c].front())];
             if (!from.coarse_cell.empty() &&
                 from.coarse_leaf[idx(from.coarse_cell[idx(cell)])] == to.coarse_leaf[c])
             {

@@ -47,7 +47,8 @@ struct FleshDetail
 };
 
 /// Of each cell, how far its strain is from even: the largest difference of Green's mean
-/// strains of it and a neighbour, as a slope, times its edge squared [m]. Four times less
+/// strains of it and a neighbour, as a slope, times the square of its width across their
+/// side [m]. Four times less
 /// in halved cells where flesh bends.
 std::vector<double> uneven_strains(const FleshBody& body, const FleshState& state);
 

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "editor/flesh/drawn_flesh.h"
 #include "editor/session/bone_regions.h"
 #include "io/error.h"
 #include "io/number.h"
@@ -35,9 +36,6 @@ void refuse_what_cannot_be(const SceneFile& scene)
     const auto refuse = [&](const char* key, const std::string& what) {
         throw malformed({scene.path, 0, std::string("skeleton.") + key}, what);
     };
-    if (flesh.detail > 0.0 && !flesh.lattice.empty())
-        refuse("detail",
-               "cells of a lattice of a file are halved for good, by max_depth");
     if (flesh.law == "regions" && flesh.newton > 1)
         refuse("newton", "is for other laws: regions are solved once a step");
     if (scene.time->integrator != "implicit-euler" && scene.time->integrator != "bdf2")
@@ -150,9 +148,6 @@ void take_rest_shape(FleshModel& model)
 {
     const FleshStatement& flesh = model.flesh();
     model.cells.across = static_cast<int>(flesh.across.value_or(kAcross));
-    model.cells.max_depth =
-        static_cast<int>(flesh.max_depth.value_or(flesh.detail > 0.0 ? kDetailDepth : 0));
-    model.cells.min_depth = 0;
     try
     {
         model.rest =
@@ -173,9 +168,6 @@ void take_rest_shape(FleshModel& model)
         for (const BoneBinding& bound : binding.bones)
             if (bound.name == model.skeleton->statement(idx(bone.line.motion)).name)
                 bone.radius = model.metre * bound.radius;
-    if (flesh.detail > 0.0 && model.cells.max_depth == 0)
-        model.warnings.push_back(at({model.scene.path, 0, "skeleton.detail"},
-                                    "needs a max_depth above 0: cells are never halved"));
     if (flesh.has_tube)
         model.tube_voxels =
             voxels_in_tubes(model.rest->material.grid, model.metre, model.bones);
@@ -243,6 +235,24 @@ std::vector<Region> flesh_regions(const FleshModel& model,
         });
 }
 
+MaterialTest FleshModel::has_material() const
+{
+    return drawn ? drawn->forest.has_material() : material_test(rest->material.grid);
+}
+
+void FleshModel::check_cells(std::size_t size, int level) const
+{
+    if (static_cast<std::int64_t>(size) > cells.max_cells)
+        throw Error(Fault::Budget,
+                    at({scene.path, 0,
+                        level > 0 ? "skeleton.max_depth"
+                        : drawn   ? "skeleton.lattice"
+                                  : "skeleton.across"},
+                       fmt::format("at depth {} the lattice has {} cells, more than "
+                                   "max_cells {}",
+                                   level, size, cells.max_cells)));
+}
+
 Units FleshModel::units() const
 {
     return {frame, false, bounding_box(geometry->samples), 0.0};
@@ -286,8 +296,19 @@ std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> ge
                 {{model->metre * from, model->metre * to, static_cast<int>(j)},
                  model->metre * model->skeleton->told_radius(j).value_or(0.0)});
     warn_of_shared_places(*model);
-    if (model->flesh().lattice.empty())
+    const FleshStatement& flesh = model->flesh();
+    model->cells.min_depth = 0;
+    model->cells.max_depth =
+        static_cast<int>(flesh.max_depth.value_or(flesh.detail > 0.0 ? kDetailDepth : 0));
+    if (flesh.detail > 0.0 && model->cells.max_depth == 0)
+        model->warnings.push_back(
+            at({scene.path, 0, "skeleton.detail"},
+               "needs a max_depth above 0: cells are never halved"));
+    if (flesh.lattice.empty())
         take_rest_shape(*model);
+    else
+        model->drawn =
+            std::make_shared<const DrawnFlesh>(read_drawn_flesh(*model, model->warnings));
     take_materials(*model);
     take_obstacles(*model);
     return model;

@@ -22,13 +22,15 @@
 namespace cellwarp
 {
 
+struct DrawnFlesh;
+
 /// All lengths of flesh are in metres, in the axes of the work frame. Immutable once
 /// made.
 struct FleshModel
 {
     std::shared_ptr<const Geometry> geometry;
     SceneFile scene;
-    CellSettings cells; ///< of an octree's lattice
+    CellSettings cells;
     WorkFrame frame;
     double metre = 1.0; ///< a work unit [m]
     std::shared_ptr<const SkeletonHandle> skeleton;
@@ -38,6 +40,8 @@ struct FleshModel
     std::vector<std::pair<FleshObstacle, ShiftKeys>> obstacles; ///< at rest, and moved
     /// What the octree cuts; null of a lattice that was drawn.
     std::shared_ptr<const RestShape> rest;
+    /// Null of an octree's lattice.
+    std::shared_ptr<const DrawnFlesh> drawn;
     /// Of each of its voxels; empty: there is one material, or no octree.
     std::vector<int> material_of_voxel;
     std::vector<std::vector<std::size_t>> tube_voxels; ///< of each bone
@@ -46,6 +50,10 @@ struct FleshModel
     std::vector<std::string> warnings;
 
     const FleshStatement& flesh() const { return scene.skeleton->flesh; }
+    /// Whether a box of the lattice's octree may be a cell.
+    MaterialTest has_material() const;
+    /// Throws Fault::Budget for more cells at a level than there may be.
+    void check_cells(std::size_t size, int level) const;
     Units units() const;
     Eigen::Vector3d to_metres(const Eigen::Vector3d& of_model) const
     {
@@ -71,7 +79,8 @@ std::vector<Region> flesh_regions(const FleshModel& model,
 inline constexpr double kFirstYoung = 1e4;
 
 /// \p is_tight: linear systems to 1e-10 instead of 1e-3. Throws Fault::Malformed for what
-/// the scene says and cannot be, and what build_rest_shape() throws.
+/// the scene says and cannot be, and what build_rest_shape() and
+/// read_drawn_flesh() throw.
 /// \pre scene.skeleton and scene.time
 std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> geometry,
                                               const SceneFile& scene,

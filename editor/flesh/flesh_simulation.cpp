@@ -70,7 +70,7 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
     snapshot_.state = body_.flesh->rest();
     if (model_->flesh().detail > 0.0)
     {
-        snapshot_.detail.octree = std::make_shared<const Octree>(body_.octree->octree);
+        snapshot_.detail.octree = body_.tree;
         snapshot_.detail.coarser = snapshot_.detail.octree;
         snapshot_.detail.fading.resize(body_.own_motions.size());
     }
@@ -368,16 +368,13 @@ std::int64_t FleshSimulation::steps_of_fade() const
 /// hand pulls, and where the scene says so.
 std::vector<char> FleshSimulation::wanted_cells() const
 {
-    std::vector<char> is_wanted(body_.octree->cells.size(), 0);
-    if (model_->fine)
-    {
-        const Octree& octree = *snapshot_.detail.octree;
-        std::vector<char> is_fine(octree.leaves().size(), 0);
-        for (const LeafNumber leaf : leaves_of_fine_regions(*model_, octree))
-            is_fine[idx(leaf)] = 1;
-        for (std::size_t c = 0; c < is_wanted.size(); ++c)
-            is_wanted[c] = is_fine[idx(body_.octree->cells.cells[c].leaf)];
-    }
+    const Octree& octree = *snapshot_.detail.octree;
+    std::vector<char> is_fine(octree.leaves().size(), 0);
+    for (const LeafNumber leaf : leaves_of_fine_regions(*model_, octree))
+        is_fine[idx(leaf)] = 1;
+    std::vector<char> is_wanted;
+    for (const LatticeBox& box : body_.flesh->lattice().boxes)
+        is_wanted.push_back(is_fine[idx(octree.find(box.corner))]);
     const std::vector<FleshObstacle> obstacles =
         obstacles_at(static_cast<double>(snapshot_.steps) * time_.dt);
     for (const std::size_t sample : body_.flesh->touching(snapshot_.state, obstacles))

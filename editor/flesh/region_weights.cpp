@@ -163,12 +163,8 @@ std::vector<FleshRegionShares> region_weights(const FleshModel& model,
     for (const TubeBone& bone : model.bones)
         motions.push_back(bone.line.motion);
     // Of the coarsest cells: detail that comes and goes leaves the regions alone.
-    double edge = cells ? model.metre * model.rest->material.grid.shape().edge : 0.0;
-    if (!cells)
-        for (const CornerNodes& corners : lattice.cells)
-            edge = std::max(
-                edge, (lattice.places[idx(corners[1])] - lattice.places[idx(corners[0])])
-                          .norm());
+    const double edge =
+        cells ? model.metre * model.rest->material.grid.shape().edge : vertices->edge;
     std::vector<FleshRegionShares> regions =
         shares_by_distance(lattice, distances, motions, kBlend * edge);
     if (!model.flesh().weights.empty())

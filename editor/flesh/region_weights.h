@@ -18,6 +18,7 @@ struct ControlShares
 {
     std::size_t size = 0;
     std::vector<NodeShares> of_node;
+    double edge = 0.0; ///< the longest of the cells before detail [m]
 };
 
 /// By straight distances to the bones; where the way through the glue of \p cells, if

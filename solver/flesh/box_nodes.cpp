@@ -23,11 +23,6 @@ namespace
 using Eigen::Vector3d;
 using Eigen::Vector3i;
 
-Vector3i corner_of(const LatticeBox& box, int k)
-{
-    return box.corner + box.width * Vector3i(k & 1, k >> 1 & 1, k >> 2 & 1);
-}
-
 /// The corner of a box at a place, or -1.
 int corner_at(const LatticeBox& box, const Vector3i& place)
 {
@@ -99,33 +94,17 @@ std::vector<std::set<int>> hosts_of_nodes(std::span<const LatticeBox> boxes,
     return hosts;
 }
 
-/// Shares of the nodes that do not hang; larger boxes come first, so that what their
-/// corners take is known.
-void resolve_hanging(std::span<const LatticeBox> boxes, std::span<const int> host_of_node,
-                     BoxNodes& out)
+} // namespace
+
+Vector3i corner_of(const LatticeBox& box, int k)
 {
-    out.hanging.resize(out.places.size());
-    std::vector<int> order;
-    for (std::size_t n = 0; n < out.places.size(); ++n)
-        if (host_of_node[n] >= 0)
-            order.push_back(static_cast<int>(n));
-    std::stable_sort(order.begin(), order.end(),
-                     [&](int a, int b)
-                     {
-                         return boxes[idx(host_of_node[idx(a)])].width >
-                                boxes[idx(host_of_node[idx(b)])].width;
-                     });
-    for (const int node : order)
-    {
-        const std::size_t host = idx(host_of_node[idx(node)]);
-        const Vector3d local =
-            (out.places[idx(node)] - boxes[host].corner).cast<double>() /
-            boxes[host].width;
-        out.hanging[idx(node)] = shares_of(out.of_box[host], out.hanging, local);
-    }
+    return box.corner + box.width * Vector3i(k & 1, k >> 1 & 1, k >> 2 & 1);
 }
 
-} // namespace
+Vector3d place_in(const LatticeBox& box, const Vector3i& place)
+{
+    return (place - box.corner).cast<double>() / box.width;
+}
 
 std::array<double, 8> corner_shares(const Vector3d& local)
 {
@@ -179,16 +158,65 @@ BoxNodes box_nodes(std::span<const LatticeBox> boxes,
         number_nodes(boxes, joined, out);
         hosts.resize(out.places.size());
     }
-    std::vector<int> host_of_node;
-    for (const std::set<int>& of_node : hosts)
+    std::vector<NodeHost> host_of_node;
+    for (std::size_t n = 0; n < hosts.size(); ++n)
     {
         const auto largest = std::max_element(
-            of_node.begin(), of_node.end(),
+            hosts[n].begin(), hosts[n].end(),
             [&](int a, int b) { return boxes[idx(a)].width < boxes[idx(b)].width; });
-        host_of_node.push_back(largest == of_node.end() ? -1 : *largest);
+        NodeHost& host = host_of_node.emplace_back();
+        if (largest == hosts[n].end())
+            continue;
+        host.box = *largest;
+        host.local = place_in(boxes[idx(host.box)], out.places[n]);
     }
-    resolve_hanging(boxes, host_of_node, out);
+    hang_nodes(boxes, host_of_node, out);
     return out;
+}
+
+void hang_nodes(std::span<const LatticeBox> boxes, std::span<const NodeHost> hosts,
+                BoxNodes& nodes)
+{
+    nodes.hanging.resize(hosts.size());
+    std::vector<int> order;
+    for (std::size_t n = 0; n < hosts.size(); ++n)
+        if (hosts[n].box >= 0)
+            order.push_back(static_cast<int>(n));
+    // Larger boxes come first, so that what their corners take is known.
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int a, int b) {
+                         return boxes[idx(hosts[idx(a)].box)].width >
+                                boxes[idx(hosts[idx(b)].box)].width;
+                     });
+    for (const int node : order)
+    {
+        const NodeHost& host = hosts[idx(node)];
+        nodes.hanging[idx(node)] =
+            shares_of(nodes.of_box[idx(host.box)], nodes.hanging, host.local);
+    }
+}
+
+SparseRows rows_between(const BoxNodes& fine, std::span<const LatticeBox> boxes,
+                        const BoxNodes& coarse, std::span<const int> group)
+{
+    std::vector<int> box_of_node(fine.places.size(), -1);
+    for (std::size_t b = 0; b < fine.of_box.size(); ++b)
+        for (const int node : fine.of_box[b])
+            if (box_of_node[idx(node)] < 0)
+                box_of_node[idx(node)] = static_cast<int>(b);
+    SparseRows rows;
+    for (std::size_t n = 0; n < box_of_node.size(); ++n)
+    {
+        NodeShares row;
+        if (fine.hanging[n].empty())
+        {
+            const std::size_t b = idx(group[idx(box_of_node[n])]);
+            row = shares_of(coarse.of_box[b], coarse.hanging,
+                            place_in(boxes[b], fine.places[n]));
+        }
+        rows.add(row);
+    }
+    return rows;
 }
 
 } // namespace cellwarp

@@ -20,11 +20,20 @@ struct LatticeBox
 {
     Eigen::Vector3i corner = Eigen::Vector3i::Zero();
     int width = 1;
+
+    bool operator==(const LatticeBox& other) const
+    {
+        return corner == other.corner && width == other.width;
+    }
 };
 
 /// Corner k of a box lies at its first corner plus its width along axis i for each bit i
 /// of k.
 using CornerNodes = std::array<int, 8>;
+
+Eigen::Vector3i corner_of(const LatticeBox& box, int k);
+/// In [0, 1] along each axis, if it is inside.
+Eigen::Vector3d place_in(const LatticeBox& box, const Eigen::Vector3i& place);
 
 /// Shares of the corners at a point of a box, in [0, 1] along each axis: trilinear.
 std::array<double, 8> corner_shares(const Eigen::Vector3d& local);
@@ -49,5 +58,20 @@ NodeShares shares_of(const CornerNodes& corners, std::span<const NodeShares> han
 /// \p glued: pairs of boxes whose material is joined.
 BoxNodes box_nodes(std::span<const LatticeBox> boxes,
                    std::span<const std::pair<int, int>> glued);
+
+/// The largest box on whose side a node lies without being its corner, and where.
+struct NodeHost
+{
+    int box = -1; ///< negative: the node does not hang
+    Eigen::Vector3d local = Eigen::Vector3d::Zero();
+};
+/// Of \p nodes what they take where they hang. \p hosts: of each node.
+void hang_nodes(std::span<const LatticeBox> boxes, std::span<const NodeHost> hosts,
+                BoxNodes& nodes);
+
+/// What nodes take of those of larger boxes; nothing where they hang. \p boxes: of
+/// \p coarse; \p group: of each box of \p fine the one of these that it lies in.
+SparseRows rows_between(const BoxNodes& fine, std::span<const LatticeBox> boxes,
+                        const BoxNodes& coarse, std::span<const int> group);
 
 } // namespace cellwarp

@@ -155,34 +155,4 @@ Hexahedra hexahedra_of(const DrawnCells& drawn)
     return out;
 }
 
-Hexahedra halved(const Hexahedra& coarse)
-{
-    Hexahedra out;
-    out.places = coarse.places;
-    Means means(out);
-    for (std::size_t c = 0; c < coarse.cells.size(); ++c)
-        for (int child = 0; child < 8; ++child)
-        {
-            CornerNodes corners{};
-            for (int corner = 0; corner < 8; ++corner)
-            {
-                // Along an axis at the child's own side of the cell, or in the middle.
-                std::vector<int> around;
-                for (int k = 0; k < 8; ++k)
-                    if (((k ^ child) & ~(corner ^ child)) == 0)
-                        around.push_back(coarse.cells[c][idx(k)]);
-                corners[idx(corner)] = means.of(std::move(around));
-            }
-            out.cells.push_back(corners);
-            out.cell_of.push_back(coarse.cell_of[c]);
-        }
-    for (const auto& [a, b] : coarse.edges)
-    {
-        const int half = means.of({a, b});
-        out.edges.emplace_back(a, half);
-        out.edges.emplace_back(half, b);
-    }
-    return out;
-}
-
 } // namespace cellwarp

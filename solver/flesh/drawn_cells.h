@@ -40,8 +40,4 @@ struct Hexahedra
 /// right way round.
 Hexahedra hexahedra_of(const DrawnCells& drawn);
 
-/// Each cell in eight, at the means of edges, faces and cells: the cells' trilinear maps
-/// stay as they are, and cells that share a side share those of its parts.
-Hexahedra halved(const Hexahedra& coarse);
-
 } // namespace cellwarp

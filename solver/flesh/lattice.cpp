@@ -74,32 +74,6 @@ Level coarsened(const Level& fine, std::vector<int>& group)
     return out;
 }
 
-/// What the nodes of a level take of those of the next coarser one.
-SparseRows rows_between(const Level& fine, const Level& coarse,
-                        std::span<const int> group)
-{
-    std::vector<int> box_of_node(fine.nodes.places.size(), -1);
-    for (std::size_t b = 0; b < fine.boxes.size(); ++b)
-        for (const int node : fine.nodes.of_box[b])
-            if (box_of_node[idx(node)] < 0)
-                box_of_node[idx(node)] = static_cast<int>(b);
-    SparseRows rows;
-    for (std::size_t n = 0; n < box_of_node.size(); ++n)
-    {
-        NodeShares row;
-        if (fine.nodes.hanging[n].empty())
-        {
-            const std::size_t b = idx(group[idx(box_of_node[n])]);
-            const LatticeBox& box = coarse.boxes[b];
-            row =
-                shares_of(coarse.nodes.of_box[b], coarse.nodes.hanging,
-                          (fine.nodes.places[n] - box.corner).cast<double>() / box.width);
-        }
-        rows.add(row);
-    }
-    return rows;
-}
-
 /// d/d local of the trilinear functions of the corners.
 std::array<Vector3d, 8> corner_slopes(const Vector3d& local)
 {
@@ -139,6 +113,7 @@ Lattice octree_lattice(const Octree& octree, const Cells& cells, double unit)
     for (const Vector3i& place : level.nodes.places)
         out.places.push_back(unit * (cells.corner + finest * place.cast<double>()));
     out.cells = level.nodes.of_box;
+    out.boxes = level.boxes;
     out.hanging = level.nodes.hanging;
     for (std::size_t c = 0; c < cells.size(); ++c)
     {
@@ -146,6 +121,8 @@ Lattice octree_lattice(const Octree& octree, const Cells& cells, double unit)
         out.parts.push_back({static_cast<int>(c), 0, cell.volume * unit * unit * unit,
                              unit * cell.centre, unit * unit * cell.second_moment});
     }
+    for (const Face& face : cells.faces)
+        out.sides.push_back({face.a, face.b, out.edge(face.a), out.edge(face.b)});
     while (!level.boxes.empty() && level.nodes.places.size() > kCoarseEnough)
     {
         std::vector<int> group;
@@ -153,7 +130,8 @@ Lattice octree_lattice(const Octree& octree, const Cells& cells, double unit)
         if (coarse.nodes.places.size() >= level.nodes.places.size())
             break;
         out.coarser.push_back(
-            {coarse.nodes.places.size(), rows_between(level, coarse, group)});
+            {coarse.nodes.places.size(),
+             rows_between(level.nodes, coarse.boxes, coarse.nodes, group)});
         level = std::move(coarse);
     }
     return out;

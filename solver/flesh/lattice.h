@@ -46,11 +46,21 @@ struct LatticePart
     Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();
 };
 
+/// Cells that share a side, or a part of it, and how wide they are across it [m].
+struct CellSide
+{
+    int a = 0, b = 0;
+    double width_a = 0.0, width_b = 0.0;
+};
+
 /// Rest state: immutable once built.
 struct Lattice
 {
     std::vector<Eigen::Vector3d> places; ///< of the nodes [m]
     std::vector<CornerNodes> cells;      ///< corners as box_nodes.h has them
+    /// The cells' boxes in an octree; empty: they are of none.
+    std::vector<LatticeBox> boxes;
+    std::vector<CellSide> sides; ///< of cells with boxes
     /// What a node that hangs takes of those that do not; empty for those.
     std::vector<NodeShares> hanging;
     std::vector<LatticePart> parts;

@@ -4,49 +4,46 @@
 // are none, displacements are those of the coarser lattice, which then can take over.
 #include "solver/flesh/leaving_nodes.h"
 
+#include <array>
 #include <map>
-#include <tuple>
 
 #include "octree/base/index.h"
 
 namespace cellwarp
 {
 
-namespace
-{
-
 using Eigen::Vector3d;
-
-/// Corners of octrees' lattices of one shape have the same places to the bit.
-auto place_key(int cell, const Vector3d& x)
-{
-    return std::tuple(cell, x.x(), x.y(), x.z());
-}
-
-} // namespace
+using Eigen::Vector3i;
 
 LeavingNodes let_leave(Lattice& fine, const Lattice& coarse,
                        std::span<const int> coarse_cell)
 {
-    // The nodes inside of each coarse cell that do not hang, and one such cell of each.
-    std::map<std::tuple<int, double, double, double>, int> node_at;
-    std::vector<int> cell_of_node(fine.places.size(), -1);
+    const auto key = [](int cell, const Vector3i& place) {
+        return std::array{cell, place.x(), place.y(), place.z()};
+    };
+    // The nodes inside of each coarse cell that do not hang, and one such cell of each,
+    // with the place in it.
+    std::map<std::array<int, 4>, int> node_at;
+    std::vector<NodeHost> cell_of_node(fine.places.size());
     for (std::size_t c = 0; c < fine.cells.size(); ++c)
-        for (const int node : fine.cells[c])
+        for (int k = 0; k < 8; ++k)
         {
-            if (cell_of_node[idx(node)] < 0)
-                cell_of_node[idx(node)] = coarse_cell[c];
+            const int node = fine.cells[c][idx(k)], cell = coarse_cell[c];
+            const Vector3i place = corner_of(fine.boxes[c], k);
+            if (cell_of_node[idx(node)].box < 0)
+                cell_of_node[idx(node)] = {cell,
+                                           place_in(coarse.boxes[idx(cell)], place)};
             if (fine.hanging[idx(node)].empty())
-                node_at.emplace(place_key(coarse_cell[c], fine.places[idx(node)]), node);
+                node_at.emplace(key(cell, place), node);
         }
     std::vector<int> fine_of_coarse(coarse.places.size(), -1);
     for (std::size_t c = 0; c < coarse.cells.size(); ++c)
-        for (const int node : coarse.cells[c])
-            if (fine_of_coarse[idx(node)] < 0)
+        for (int k = 0; k < 8; ++k)
+            if (int& node = fine_of_coarse[idx(coarse.cells[c][idx(k)])]; node < 0)
                 if (const auto found = node_at.find(
-                        place_key(static_cast<int>(c), coarse.places[idx(node)]));
+                        key(static_cast<int>(c), corner_of(coarse.boxes[c], k)));
                     found != node_at.end())
-                    fine_of_coarse[idx(node)] = found->second;
+                    node = found->second;
     std::vector<char> stays(fine.places.size(), 0);
     for (std::size_t n = 0; n < coarse.places.size(); ++n)
     {
@@ -78,10 +75,9 @@ LeavingNodes let_leave(Lattice& fine, const Lattice& coarse,
     };
     for (std::size_t n = 0; n < stays.size(); ++n)
     {
-        if (stays[n] || !fine.hanging[n].empty() || cell_of_node[n] < 0)
+        if (stays[n] || !fine.hanging[n].empty() || cell_of_node[n].box < 0)
             continue;
-        const int cell = cell_of_node[n];
-        const Vector3d local = *local_place(coarse, cell, fine.places[n]);
+        const auto& [cell, local] = cell_of_node[n];
         leave(static_cast<int>(n), shares_at(coarse, cell, local));
     }
     // What is of the coarser lattice alone may hang there.

@@ -27,7 +27,7 @@ struct LeavingNodes
 };
 
 /// \p fine gets the nodes of \p coarse that it has not: those outside of its cells, but
-/// not of the coarser ones; they come last. Both are octrees' lattices of one shape.
+/// not of the coarser ones; they come last. Both are lattices of octrees of one shape.
 /// \p coarse_cell: of each fine cell, the one that it is or will be a part of.
 LeavingNodes let_leave(Lattice& fine, const Lattice& coarse,
                        std::span<const int> coarse_cell);

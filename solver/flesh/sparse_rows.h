@@ -2,6 +2,7 @@
 // Rows of numbers of which most are zero: what one node takes from others.
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <span>
 #include <utility>
@@ -19,6 +20,8 @@ struct NodeShare
 {
     int node = 0;
     double share = 0.0;
+
+    auto operator<=>(const NodeShare&) const = default;
 };
 
 using NodeShares = std::vector<NodeShare>;

@@ -31,7 +31,7 @@ struct Bending
                           {"time": 0.25, "joint": "knee", "rotate": [0, 0, 1, 40]},
                           {"time": 0.5, "joint": "knee", "rotate": [0, 0, 1, 0]})";
     std::string time = R"("duration": 1.5, "gravity": [0, 0, 0])";
-    std::string knee = "[2, 0, 0]", foot = "[3.98, 0, 0]";
+    std::string root = "[0.02, 0, 0]", knee = "[2, 0, 0]", foot = "[3.98, 0, 0]";
 
     explicit Bending(const Shape& shape = support::box_shape({0, -0.5, -0.5},
                                                              {4, 0.5, 0.5}, 8))
@@ -42,7 +42,8 @@ struct Bending
     {
         const SceneFile of = parse_scene(
             folder / "s.json", R"({"cellwarp": 1, "model": "shape.obj", "skeleton": {
-                "joints": [{"name": "root", "parent": null, "at": [0.02, 0, 0]},
+                "joints": [{"name": "root", "parent": null, "at": )" +
+                                   root + R"(},
                            {"name": "knee", "parent": "root", "at": )" +
                                    knee + R"(},
                            {"name": "foot", "parent": "knee", "at": )" +
@@ -57,6 +58,60 @@ struct Bending
 std::size_t cells(const FleshSimulation& of)
 {
     return of.body().flesh->lattice().cells.size();
+}
+
+/// Lattices that are drawn around the bar.
+enum class Kind
+{
+    Straight,
+    Sheared,
+    Curved,
+    MeetsInAnEdge ///< two halves, of which one is below and one above the axis
+};
+
+/// Eight by two by two cells; those of the farther half have the reference 2.
+std::string drawn_mesh(Kind kind)
+{
+    const auto number = [](int i, int j, int k) { return 1 + i + 9 * (j + 3 * k); };
+    std::string mesh = "MeshVersionFormatted 2\nDimension 3\nVertices 81\n", cells;
+    for (int k = 0; k < 3; ++k)
+        for (int j = 0; j < 3; ++j)
+            for (int i = 0; i < 9; ++i)
+            {
+                Vector3d x(0.5 * i, 0.5 * (j - 1), 0.5 * (k - 1));
+                if (kind == Kind::Sheared)
+                    x = {1.1 * (x.x() - 2.0) + 2.0 + 0.3 * x.y(), x.y(), x.z()};
+                if (kind == Kind::Curved)
+                    x = {1.1 * (x.x() - 2.0) + 2.0 - 0.3 * x.y() * x.y(),
+                         1.1 * x.y() + 0.1 * std::sin(2.0 * x.x()) * (1.0 + x.z()),
+                         1.1 * x.z()};
+                for (const double c : x)
+                    mesh += std::to_string(c) + " ";
+                mesh += "0\n";
+            }
+    int count = 0;
+    for (int k = 0; k < 2; ++k)
+        for (int j = 0; j < 2; ++j)
+            for (int i = 0; i < 8; ++i)
+            {
+                if (kind == Kind::MeetsInAnEdge && (i < 4) != (j == 0))
+                    continue;
+                ++count;
+                for (const int up : {0, 1})
+                    for (const auto& [a, b] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}})
+                        cells += std::to_string(number(i + a, j + b, k + up)) + " ";
+                cells += i < 4 ? "1\n" : "2\n";
+            }
+    return mesh + "Hexahedra " + std::to_string(count) + "\n" + cells;
+}
+
+Bending in_drawn(Kind kind,
+                 const std::string& more = R"(, "max_depth": 1, "detail": 0.006)")
+{
+    Bending bar;
+    bar.folder.write("bar.mesh", drawn_mesh(kind));
+    bar.skeleton = R"("E": 1e5, "lattice": "bar.mesh", "damping": {"alpha": 20})" + more;
+    return bar;
 }
 
 } // namespace
@@ -83,6 +138,33 @@ TEST(FleshDetail, comes_where_flesh_bends_and_leaves_when_it_is_at_rest)
     EXPECT_GT(split, 7u);
     EXPECT_GT(merged, 7u);
     EXPECT_TRUE(simulation->warnings().empty());
+}
+
+TEST(FleshDetail, comes_and_leaves_in_drawn_lattices)
+{
+    for (const Kind kind :
+         {Kind::Straight, Kind::Sheared, Kind::Curved, Kind::MeetsInAnEdge})
+    {
+        const Bending bar = in_drawn(kind);
+        const auto simulation = bar.start();
+        const std::size_t first = cells(*simulation);
+        EXPECT_EQ(first, kind == Kind::MeetsInAnEdge ? 16u : 32u);
+        const double mass = simulation->body().mass;
+        std::size_t most = first;
+        while (simulation->steps_done() < simulation->num_steps())
+        {
+            simulation->next_frame();
+            const FleshFrame frame = simulation->report();
+            EXPECT_TRUE(frame.is_converged);
+            EXPECT_LT(frame.miss, 0.05); // as larger cells have it, for a little while
+            EXPECT_NEAR(simulation->body().mass, mass, 1e-9 * mass);
+            most = std::max(most, cells(*simulation));
+        }
+        EXPECT_GT(most, first + 30);
+        EXPECT_LT(most, 8 * first);
+        EXPECT_EQ(cells(*simulation), first);
+        EXPECT_LT(simulation->report().miss, 1e-9);
+    }
 }
 
 namespace
@@ -146,11 +228,20 @@ struct Look
 TEST(FleshDetail, neither_places_nor_speeds_change_with_a_lattice)
 {
     // In the L-prism coarse cells have corners that no fine cell has.
-    for (const bool is_bar : {true, false})
+    struct Scene
     {
-        const Bending bending(is_bar
-                                  ? support::box_shape({0, -0.5, -0.5}, {4, 0.5, 0.5}, 8)
-                                  : support::l_prism());
+        Bending (*made)();
+        bool is_exact; // integrals of whole cubes and slanted cells
+    };
+    static const char* const drawn = R"(, "max_depth": 2, "detail": 0.1)";
+    for (const Scene& scene :
+         {Scene{[] { return Bending(); }, true},
+          {[] { return Bending(support::l_prism()); }, false},
+          {[] { return in_drawn(Kind::Sheared, drawn); }, true},
+          {[] { return in_drawn(Kind::Curved, drawn); }, false},
+          {[] { return in_drawn(Kind::MeetsInAnEdge, drawn); }, true}})
+    {
+        const Bending bending = scene.made();
         const auto simulation = bending.start();
         for (int frame = 0; frame < 9; ++frame)
             simulation->next_frame();
@@ -160,9 +251,8 @@ TEST(FleshDetail, neither_places_nor_speeds_change_with_a_lattice)
         look.go_on(66.0);
         EXPECT_GT(look.detail.octree->leaves().size(),
                   simulation->snapshot().detail.octree->leaves().size());
-        if (is_bar)
+        if (scene.is_exact)
         {
-            // Of whole cubes the integrals are exact.
             EXPECT_NEAR(look.kinetic(), energy, 1e-12 * energy);
         }
         // Everything becomes idle, and leaves: nodes are as they were, and on their way.
@@ -226,12 +316,15 @@ TEST(FleshDetail, what_was_idle_is_kept_where_it_bends_again)
 
 TEST(FleshDetail, a_frame_depends_on_its_snapshot_alone)
 {
-    for (const char* law : {"cells", "regions"})
+    for (const char* more :
+         {R"("across": 8, "law": "cells")", R"("across": 8, "law": "regions")",
+          R"("lattice": "bar.mesh", "law": "cells")",
+          R"("lattice": "bar.mesh", "law": "regions")"})
     {
-        Bending bar;
-        bar.skeleton = R"("E": 1e5, "across": 8, "max_depth": 1, "detail": 0.01,
-                          "damping": {"alpha": 20}, "law": ")" +
-                       std::string(law) + R"(")";
+        Bending bar = in_drawn(Kind::Sheared);
+        bar.skeleton = R"("E": 1e5, "max_depth": 1, "detail": 0.01,
+                          "damping": {"alpha": 20}, )" +
+                       std::string(more);
         const auto simulation = bar.start();
         for (int frame = 0; frame < 12; ++frame)
             simulation->next_frame();
@@ -298,44 +391,50 @@ TEST(FleshDetail, leaves_a_bent_knee_without_a_jolt)
 
 TEST(FleshDetail, even_strain_needs_none_and_rigid_motion_less)
 {
-    const Bending bar;
-    const auto simulation = bar.start();
-    FleshState state = simulation->snapshot().state;
-    const Lattice& lattice = simulation->body().flesh->lattice();
-    Eigen::Matrix3d A;
-    A << 0.3, 0.1, -0.2, 0.0, -0.1, 0.4, 0.2, 0.1, 0.5;
-    for (std::size_t n = 0; n < lattice.places.size(); ++n)
-        state.u.segment<3>(Eigen::Index(3 * n)) = A * lattice.places[n];
-    for (const double error : uneven_strains(simulation->body(), state))
-        EXPECT_LT(error, 1e-12);
-    // A bent bar: halved cells have a quarter of the error.
-    const auto bent = [](const FleshBody& body)
+    for (const char* const cut : {R"("across": 12)", R"("lattice": "bar.mesh")"})
     {
-        const Lattice& of = body.flesh->lattice();
-        FleshState out = body.flesh->rest();
-        for (std::size_t n = 0; n < of.places.size(); ++n)
+        Bending bar = in_drawn(Kind::Sheared);
+        bar.skeleton =
+            R"("E": 1e5, "max_depth": 1, "detail": 0.006, )" + std::string(cut);
+        const auto simulation = bar.start();
+        FleshState state = simulation->snapshot().state;
+        const Lattice& lattice = simulation->body().flesh->lattice();
+        Eigen::Matrix3d A;
+        A << 0.3, 0.1, -0.2, 0.0, -0.1, 0.4, 0.2, 0.1, 0.5;
+        for (std::size_t n = 0; n < lattice.places.size(); ++n)
+            state.u.segment<3>(Eigen::Index(3 * n)) = A * lattice.places[n];
+        for (const double error : uneven_strains(simulation->body(), state))
+            EXPECT_LT(error, 1e-12);
+        // A bent bar: halved cells have a quarter of the error.
+        const auto bent = [](const FleshBody& body)
         {
-            const Vector3d& x = of.places[n];
-            out.u.segment<3>(Eigen::Index(3 * n)) =
-                Vector3d(-0.05 * x.x() * x.y(), 0.025 * x.x() * x.x(), 0.0);
-        }
-        const std::vector<double> errors = uneven_strains(body, out);
-        return *std::max_element(errors.begin(), errors.end());
-    };
-    const FleshBody& coarse = simulation->body();
-    const Octree octree = simulation->snapshot().detail.octree->split_all(
-        1, material_test(coarse.octree->rest->material.grid));
-    const FleshBody fine = build_flesh(coarse.model, octree, octree);
-    EXPECT_NEAR(bent(fine) / bent(coarse), 0.25, 0.02);
+            const Lattice& of = body.flesh->lattice();
+            FleshState out = body.flesh->rest();
+            for (std::size_t n = 0; n < of.places.size(); ++n)
+            {
+                const Vector3d& x = of.places[n];
+                out.u.segment<3>(Eigen::Index(3 * n)) =
+                    Vector3d(-0.05 * x.x() * x.y(), 0.025 * x.x() * x.x(), 0.0);
+            }
+            const std::vector<double> errors = uneven_strains(body, out);
+            return *std::max_element(errors.begin(), errors.end());
+        };
+        const FleshBody& coarse = simulation->body();
+        const Octree octree = simulation->snapshot().detail.octree->split_all(
+            1, coarse.model->has_material());
+        const FleshBody fine = build_flesh(coarse.model, octree, octree);
+        EXPECT_NEAR(bent(fine) / bent(coarse), 0.25, 0.02);
+    }
 }
 
 TEST(FleshDetail, is_where_something_touches_is_pulled_or_was_asked_for)
 {
     const auto level_at = [](const FleshSimulation& of, std::size_t sample)
     {
-        const Body& body = *of.body().octree;
-        return body.octree[body.cells.cells[idx(of.body().cell_of_sample[sample])].leaf]
-            .level;
+        const FleshBody& body = of.body();
+        const LatticeBox& box =
+            body.flesh->lattice().boxes[idx(body.cell_of_sample[sample])];
+        return (*body.tree)[body.tree->find(box.corner)].level;
     };
     const auto sample_near = [](const FleshSimulation& of, const Vector3d& x)
     {
@@ -345,36 +444,97 @@ TEST(FleshDetail, is_where_something_touches_is_pulled_or_was_asked_for)
                                     { return (a - x).norm() < (b - x).norm(); }) -
                    samples.begin());
     };
-    Bending bar;
-    bar.keys = "";
-    bar.skeleton = R"("E": 1e5, "across": 8, "max_depth": 2, "detail": 0.2)";
-    const std::string usual = bar.skeleton;
-    bar.skeleton = usual + R"(, "detail_regions": ["box 3.5 -1 -1 5 1 1"])";
-    const auto asked = bar.start();
-    const std::size_t tip = sample_near(*asked, {4, 0.5, 0.5}),
-                      root = sample_near(*asked, {0, 0.5, 0.5});
-    EXPECT_EQ(level_at(*asked, tip), 2);
-    EXPECT_EQ(level_at(*asked, root), 0);
-    for (int frame = 0; frame < 20; ++frame)
-        asked->next_frame();
-    EXPECT_EQ(level_at(*asked, tip), 2); // it does not leave
-    bar.skeleton = usual + R"(, "contact": [{"sphere": [4, 1.25, 0.5, 0.76]}])";
-    const auto touched = bar.start();
-    for (int frame = 0; frame < 6; ++frame)
-        touched->next_frame();
-    EXPECT_GT(touched->report().contacts, 0u);
-    EXPECT_EQ(level_at(*touched, tip), 2);
-    EXPECT_EQ(level_at(*touched, root), 0);
-    bar.skeleton = usual;
-    const auto pulled = bar.start();
-    pulled->pull(FleshPull{tip, {4, 0.6, 0.5}});
-    for (int frame = 0; frame < 6; ++frame)
-        pulled->next_frame();
-    EXPECT_EQ(level_at(*pulled, tip), 2);
-    pulled->pull({});
-    for (int frame = 0; frame < 40; ++frame)
-        pulled->next_frame();
-    EXPECT_EQ(level_at(*pulled, tip), 0);
+    for (const char* const lattice : {R"("across": 8)", R"("lattice": "bar.mesh")"})
+    {
+        Bending bar = in_drawn(Kind::Straight);
+        bar.keys = "";
+        const std::string usual =
+            R"("E": 1e5, "max_depth": 2, "detail": 0.2, )" + std::string(lattice);
+        bar.skeleton = usual + R"(, "detail_regions": ["box 3.5 -1 -1 5 1 1"])";
+        const auto asked = bar.start();
+        const std::size_t tip = sample_near(*asked, {4, 0.5, 0.5}),
+                          root = sample_near(*asked, {0, 0.5, 0.5});
+        EXPECT_EQ(level_at(*asked, tip), 2);
+        EXPECT_EQ(level_at(*asked, root), 0);
+        for (int frame = 0; frame < 20; ++frame)
+            asked->next_frame();
+        EXPECT_EQ(level_at(*asked, tip), 2); // it does not leave
+        bar.skeleton = usual + R"(, "contact": [{"sphere": [4, 1.25, 0.5, 0.76]}])";
+        const auto touched = bar.start();
+        for (int frame = 0; frame < 6; ++frame)
+            touched->next_frame();
+        EXPECT_GT(touched->report().contacts, 0u);
+        EXPECT_EQ(level_at(*touched, tip), 2);
+        EXPECT_EQ(level_at(*touched, root), 0);
+        bar.skeleton = usual;
+        const auto pulled = bar.start();
+        pulled->pull(FleshPull{tip, {4, 0.6, 0.5}});
+        for (int frame = 0; frame < 6; ++frame)
+            pulled->next_frame();
+        EXPECT_EQ(level_at(*pulled, tip), 2);
+        pulled->pull({});
+        for (int frame = 0; frame < 40; ++frame)
+            pulled->next_frame();
+        EXPECT_EQ(level_at(*pulled, tip), 0);
+    }
+}
+
+TEST(FleshDetail, materials_of_a_drawn_lattice_are_those_of_its_drawn_cells)
+{
+    // The border of the region cuts cells: their middles count, halved or not.
+    for (const char* const of :
+         {R"("region": "box 2.2 -9 -9  9 9 9")", R"("reference": 2)"})
+    {
+        const Bending bar = in_drawn(
+            Kind::Straight, R"(, "max_depth": 2, "detail": 0.002, "materials": [{)" +
+                                std::string(of) + R"(, "density": 500}])");
+        const auto simulation = bar.start();
+        const std::size_t first = cells(*simulation);
+        for (int frame = 0; frame < 10; ++frame)
+            simulation->next_frame();
+        EXPECT_GT(cells(*simulation), 2 * first);
+        EXPECT_NEAR(simulation->body().mass, 3000.0, 1e-6);
+        for (const LatticePart& part : simulation->body().flesh->lattice().parts)
+            EXPECT_EQ(part.material,
+                      simulation->body().model->to_model(part.centre).x() > 2.0);
+    }
+}
+
+TEST(FleshDetail, bones_on_edges_of_a_drawn_lattice_hold_all_nodes_on_them)
+{
+    Bending bar = in_drawn(Kind::Straight, R"(, "max_depth": 2, "detail": 0.002)");
+    // The axis from 0.5 to 2, and from there to 3.5.
+    std::string edges = "Edges 6\n";
+    for (int i = 1; i < 7; ++i)
+        edges += std::to_string(37 + i) + " " + std::to_string(38 + i) + " 0\n";
+    bar.folder.write("bar.mesh", drawn_mesh(Kind::Straight) + edges);
+    bar.root = "[0.5, 0, 0]";
+    bar.foot = "[3.5, 0, 0]";
+    const auto simulation = bar.start();
+    EXPECT_EQ(simulation->body().held, 7u);
+    std::size_t most = 0;
+    while (simulation->steps_done() < simulation->num_steps())
+    {
+        simulation->next_frame();
+        EXPECT_LT(simulation->report().miss, 1e-12);
+        most = std::max(most, simulation->body().held);
+    }
+    EXPECT_GT(most, 12u);
+}
+
+TEST(FleshDetail, drawn_cells_whose_parts_would_be_inside_out_are_refused)
+{
+    Bending bar = in_drawn(Kind::Straight);
+    // The middle of an end is pushed in: its corner folds, the rest of the cell does not.
+    std::string mesh = drawn_mesh(Kind::Straight);
+    const std::string corner = "0.000000 -0.500000 -0.500000";
+    mesh.replace(mesh.find(corner), corner.size(), "0.225 -0.275 -0.275");
+    bar.folder.write("bar.mesh", mesh);
+    const std::string error = support::error_of(Fault::Malformed, [&] { bar.start(); });
+    EXPECT_NE(error.find("hexahedron 1 is turned inside out"), std::string::npos)
+        << error;
+    bar.skeleton = R"("E": 1e5, "lattice": "bar.mesh")";
+    EXPECT_NO_THROW(bar.start());
 }
 
 TEST(FleshDetail, bones_and_held_points_hold_all_the_time)

@@ -974,8 +974,6 @@ TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
          {std::pair{R"(, "weights": "w.txt")",
                     "skeleton.weights: are of the law regions, the law is cells"},
           {R"(, "law": "regions", "newton": 2)", "skeleton.newton: is for other laws"},
-          {R"(, "detail": 0.1, "lattice": "bar.mesh")",
-           "skeleton.detail: cells of a lattice of a file are halved for good"},
           {R"(, "materials": [{"reference": 1}])",
            "skeleton.materials[0].reference: is of the cells of a lattice of a file"},
           {R"(, "lattice": "bar.mesh", "materials": [{"reference": 1}])",

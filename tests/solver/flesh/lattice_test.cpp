@@ -229,43 +229,6 @@ TEST(DrawnCells, all_kinds_become_hexahedra_that_fill_the_same_space)
     EXPECT_NEAR(volume(hexahedra_of(wedge)), 1.0, 1e-12);
 }
 
-TEST(DrawnCells, halved_cells_keep_the_map_of_the_cell_and_share_its_neighbours_nodes)
-{
-    // Two bent cells side by side.
-    std::mt19937 rng(3);
-    DrawnCells drawn;
-    for (int z = 0; z < 2; ++z)
-        for (int y = 0; y < 2; ++y)
-            for (int x = 0; x < 3; ++x)
-                drawn.places.push_back(Vector3d(x, y, z) +
-                                       support::random_vector(rng, 0.1));
-    for (const int x : {0, 1})
-        drawn.cells.push_back({x, x + 1, x + 4, x + 3, x + 6, x + 7, x + 10, x + 9});
-    drawn.edges = {{1, 7}};
-    const auto lattice = [](const Hexahedra& of)
-    { return drawn_lattice(of.places, of.cells, std::vector<int>(of.cells.size(), 0)); };
-    const Hexahedra coarse = hexahedra_of(drawn), fine = halved(coarse);
-    EXPECT_EQ(fine.cells.size(), 16u);
-    EXPECT_EQ(fine.places.size(), 5u * 3u * 3u);
-    ASSERT_EQ(fine.edges.size(), 2u);
-    EXPECT_EQ(fine.edges[0].second, fine.edges[1].first);
-    const Lattice large = lattice(coarse), small = lattice(fine);
-    for (int child = 0; child < 16; ++child)
-    {
-        EXPECT_EQ(fine.cell_of[idx(child)], child / 8);
-        const Vector3d local(0.3, 0.6, 0.9);
-        const Vector3d in_large =
-            (Vector3d(child & 1, child >> 1 & 1, child >> 2 & 1) + local) / 2.0;
-        EXPECT_LT(
-            (cell_point(small, child, local) - cell_point(large, child / 8, in_large))
-                .norm(),
-            1e-14);
-    }
-    for (std::size_t n = 0; n < fine.places.size(); ++n)
-        EXPECT_LT((at_nodes(fine.means[n], coarse.places) - fine.places[n]).norm(),
-                  1e-14);
-}
-
 TEST(DrawnCells, cells_that_fold_into_themselves_are_refused)
 {
     std::vector<Vector3d> places;
