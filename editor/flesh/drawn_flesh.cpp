@@ -64,7 +64,7 @@ bool is_near(const BoneLine& bone, const Vector3d& x, double near)
     return (bone.from + t * (bone.to - bone.from) - x).norm() <= near;
 }
 
-/// What moves the edges, which lie on bones of the skeleton, and their vertices.
+/// Motions of the edges, which lie on bones of the skeleton, and of their vertices.
 std::map<std::vector<int>, int> motions_of_edges(const FleshModel& model,
                                                  const Hexahedra& lattice,
                                                  const MeditMesh& mesh, double near)
@@ -160,7 +160,7 @@ std::vector<int> materials_of(const FleshModel& model, const Lattice& lattice,
     return out;
 }
 
-/// Where each sample lies, in the cell that holds it or is nearest.
+/// Places of the samples, each in the cell that holds it or is nearest.
 std::vector<DrawnForest::Place> places_of_samples(const FleshModel& model,
                                                   const DrawnForest& forest,
                                                   std::vector<std::string>& warnings)
@@ -172,7 +172,7 @@ std::vector<DrawnForest::Place> places_of_samples(const FleshModel& model,
     const PointTree tree(middles);
     std::vector<PointTree::Neighbour> near;
     std::size_t outside = 0;
-    // Of a smallest cell: samples farther off count as outside, and where its map ends.
+    // Samples farther off count as outside, and there the map of a smallest cell ends.
     const double finest = 1.0 / (1 << forest.max_depth());
     const double outside_at = 0.05 * finest, reach = finest;
     std::vector<DrawnForest::Place> out;

@@ -25,7 +25,7 @@ struct DrawnFlesh
 {
     DrawnForest forest;
     /// The cells that are there for good: with detail the drawn ones, else the halved
-    /// ones. Of each its material; and the longest edge of all [m].
+    /// ones; their materials, and the longest edge of all [m].
     Octree first;
     std::vector<int> materials = {};
     double edge = 0.0;
@@ -43,7 +43,7 @@ struct DrawnFlesh
 /// twice, and edges that lie on no bone; and what read_medit() throws.
 DrawnFlesh read_drawn_flesh(const FleshModel& model, std::vector<std::string>& warnings);
 
-/// Of an octree of \p drawn, with its materials.
+/// The lattice of an octree, with the materials of the drawn cells.
 struct DrawnLattice
 {
     Lattice lattice;

@@ -180,7 +180,7 @@ DrawnLattice bare_lattice(FleshBody& body)
     return out;
 }
 
-/// Where the samples lie in a lattice.
+/// Finds the places of the samples in a lattice.
 void locate_samples(FleshBody& body, const Lattice& lattice)
 {
     const FleshModel& model = *body.model;

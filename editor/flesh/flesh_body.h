@@ -46,8 +46,8 @@ struct FleshBody
     };
     std::vector<OwnMotion> own_motions;
     LeavingNodes leaving;
-    /// Of each cell, the one of the coarser lattice that it is or will be a part of, and
-    /// the leaves of those; empty: nothing leaves.
+    /// Cells of the coarser lattice that each cell is or will be a part of, and the
+    /// leaves of those; empty: nothing leaves.
     std::vector<int> coarse_cell;
     std::vector<Leaf> coarse_leaf;
     std::vector<std::string> warnings;

@@ -65,11 +65,11 @@ struct NodeHost
     int box = -1; ///< negative: the node does not hang
     Eigen::Vector3d local = Eigen::Vector3d::Zero();
 };
-/// Of \p nodes what they take where they hang. \p hosts: of each node.
+/// Shares that \p nodes take where they hang. \p hosts: of each node.
 void hang_nodes(std::span<const LatticeBox> boxes, std::span<const NodeHost> hosts,
                 BoxNodes& nodes);
 
-/// What nodes take of those of larger boxes; nothing where they hang. \p boxes: of
+/// Shares that nodes take of those of larger boxes; none where they hang. \p boxes: of
 /// \p coarse; \p group: of each box of \p fine the one of these that it lies in.
 SparseRows rows_between(const BoxNodes& fine, std::span<const LatticeBox> boxes,
                         const BoxNodes& coarse, std::span<const int> group);

@@ -56,9 +56,9 @@ private:
     std::vector<CellSide> sides(const Octree& octree, const Lattice& lattice) const;
     int gap() const { return 2 * shape_.leaves_per_coarsest(); }
     LatticeBox box_of(std::size_t root) const;
-    /// Of the vertices, at a place of the octree's grid.
+    /// Shares of the vertices at a place of the octree's grid.
     NodeShares shares_at(std::size_t root, const Eigen::Vector3d& place) const;
-    /// Wherever a point lies that has these shares of the vertices.
+    /// The leaves that touch a point with these shares of the vertices, and where.
     std::vector<Place> touching(const Octree& octree, const NodeShares& point) const;
 
     Hexahedra drawn_;

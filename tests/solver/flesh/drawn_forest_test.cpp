@@ -77,7 +77,7 @@ Vector3d curved(const Vector3d& x)
 Drawn meeting_in_an_edge()
 {
     Drawn out = grid({3, 2, 1}, [](const Vector3d& x) { return x; });
-    // Of the cells (0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1): two diagonal ones.
+    // Two diagonal ones of (0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), and one more.
     out.cells.cells = {out.cells.cells[0], out.cells.cells[1], out.cells.cells[5]};
     return out;
 }
