@@ -159,11 +159,12 @@ struct BlendedRegions::Region
         }
         for (const TubePart& part : tube_parts)
         {
-            if (!is_in[idx(part.cell)])
+            const int cell = lattice.parts[idx(part.part)].cell;
+            if (!is_in[idx(cell)])
                 continue;
             Tube& tube_here = tubes.emplace_back();
             tube_here.part = &part;
-            const CornerNodes& corners = lattice.cells[idx(part.cell)];
+            const CornerNodes& corners = lattice.cells[idx(cell)];
             for (std::size_t a = 0; a < 8; ++a)
                 tube_here.corners[a] = place[idx(corners[a])];
             for (int a = 0; a < 8; ++a)

@@ -168,26 +168,28 @@ std::vector<TubePart> tube_parts(const Lattice& lattice,
                                  double chi)
 {
     // Where a cell is of several materials that of the largest part counts.
-    std::vector<int> material(lattice.cells.size(), 0);
+    std::vector<int> largest(lattice.cells.size(), 0);
     std::vector<double> volume(lattice.cells.size(), 0.0);
-    for (const LatticePart& part : lattice.parts)
-        if (part.volume > volume[idx(part.cell)])
+    for (std::size_t p = 0; p < lattice.parts.size(); ++p)
+        if (const LatticePart& part = lattice.parts[p];
+            part.volume > volume[idx(part.cell)])
         {
             volume[idx(part.cell)] = part.volume;
-            material[idx(part.cell)] = part.material;
+            largest[idx(part.cell)] = static_cast<int>(p);
         }
     std::vector<TubePart> out;
     for (std::size_t b = 0; b < bones.size(); ++b)
     {
-        std::map<int, std::size_t> part_of_cell;
+        std::map<int, std::size_t> tube_of_part;
         for (const MaterialPoint& point : points[b])
         {
-            const auto [found, is_new] = part_of_cell.try_emplace(point.cell, out.size());
+            const int part = largest[idx(point.cell)];
+            const auto [found, is_new] = tube_of_part.try_emplace(part, out.size());
             if (is_new)
-                out.push_back({point.cell, bones[b].line.motion,
-                               Eigen::Matrix<double, 8, 8>::Zero(),
-                               chi * materials[idx(material[idx(point.cell)])].shear() /
-                                   (bones[b].radius * bones[b].radius)});
+                out.push_back(
+                    {part, bones[b].line.motion, Eigen::Matrix<double, 8, 8>::Zero(),
+                     chi * materials[idx(lattice.parts[idx(part)].material)].shear() /
+                         (bones[b].radius * bones[b].radius)});
             const std::array<double, 8> shares = corner_shares(point.local);
             const Eigen::Map<const Eigen::Matrix<double, 8, 1>> phi(shares.data());
             out[found->second].overlap += point.volume * phi * phi.transpose();

@@ -27,7 +27,7 @@ struct MaterialPoint
 /// 1/2 stiffness (u - gamma)^T overlap (u - gamma), gamma_a = T x_a - x_a.
 struct TubePart
 {
-    int cell = 0;
+    int part = 0; ///< of the lattice: the largest one of the cell
     int motion = 0;
     Eigen::Matrix<double, 8, 8> overlap; ///< int phi_a phi_b [m^3]
     double stiffness = 0.0;              ///< kappa [Pa/m^2]

@@ -24,8 +24,6 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr std::size_t kRowsOfBlock = 24;
-/// Eight numbers of each axis.
-constexpr std::size_t kRowsOfTube = 3;
 
 /// The numbers of a part's corners, a column each.
 template <class Vector>
@@ -65,6 +63,15 @@ Matrix3d rotation_of(const Matrix3d& F)
     return R;
 }
 
+/// The lower triangle, row by row.
+template <class Matrix>
+void add_triangle(const Matrix& of, std::size_t lane, PartRow* rows)
+{
+    for (Eigen::Index r = 0; r < of.rows(); ++r)
+        for (Eigen::Index c = 0; c <= r; ++c)
+            (rows++)->lane[lane] += of(r, c);
+}
+
 void set_part(PartBlock& block, std::size_t lane, const PartPoints& points,
               const FleshMaterial& material)
 {
@@ -83,10 +90,8 @@ void set_part(PartBlock& block, std::size_t lane, const PartPoints& points,
     block.weight.lane[lane] = points.weight[0];
     const Eigen::Matrix<double, 9, 9> solve =
         8.0 * points.weight[0] * mode_solve(points, material);
-    std::size_t next = 0;
-    for (int r = 0; r < 9; ++r)
-        for (int c = 0; c <= r; ++c)
-            block.mode_solve[next++].lane[lane] = solve(r, c);
+    add_triangle(solve, lane, block.mode_solve);
+    add_triangle(mass_of(points, material.density), lane, block.mass);
 }
 
 /// All lanes of a block, the last ones filled up with the first.
@@ -111,7 +116,6 @@ std::vector<PartBlock> blocks_of(const Lattice& lattice,
         const std::size_t lane = p % kPartLanes;
         block.lambda.lane[lane] = material.lambda();
         block.shear.lane[lane] = material.shear();
-        block.density.lane[lane] = material.density;
         const Vector3d middle = cell_point(lattice, part.cell, Vector3d::Constant(0.5));
         for (std::size_t a = 0; a < 8; ++a)
         {
@@ -151,6 +155,7 @@ FleshForces::FleshForces(const Lattice& lattice, std::span<const FleshMaterial> 
             hessians_.push_back(stiffness_of(points, material));
             DrawnPart& drawn = drawn_.emplace_back();
             drawn.mass = mass_of(points, material.density);
+            drawn.tube.setZero();
             drawn.slopes.setZero();
             for (int k = 0; k < 8; ++k)
                 drawn.slopes += points.weight[idx(k)] * points.slopes(k);
@@ -178,12 +183,21 @@ FleshForces::FleshForces(const Lattice& lattice, std::span<const FleshMaterial> 
                     (kRowsOfBlock * block + 3 * a) * kPartLanes + lane));
         }
     }
-    for (std::size_t t = 0; t < tubes_.size(); ++t)
-        for (std::size_t a = 0; a < 8; ++a)
-            of_node[idx(lattice.cells[idx(tubes_[t].cell)][a])].push_back(
-                static_cast<std::uint32_t>(
-                    (kRowsOfBlock * num_blocks_ + kRowsOfTube * t) * kPartLanes + a));
-    given_.resize(kRowsOfBlock * num_blocks_ + kRowsOfTube * tubes_.size());
+    tube_rows_.resize(blocks_.size());
+    for (const TubePart& tube : tubes_)
+    {
+        const Eigen::Matrix<double, 8, 8> T = tube.stiffness * tube.overlap;
+        const std::size_t p = idx(tube.part);
+        if (!drawn_.empty())
+        {
+            drawn_[p].tube += T;
+            continue;
+        }
+        std::vector<PartRow>& rows = tube_rows_[p / kPartLanes];
+        rows.resize(kCornerPairs);
+        add_triangle(T, p % kPartLanes, rows.data());
+    }
+    given_.resize(kRowsOfBlock * num_blocks_);
     first_of_node_.push_back(0);
     for (const std::vector<std::uint32_t>& offsets : of_node)
     {
@@ -205,6 +219,7 @@ void FleshForces::run_blocks(const PartRun& how, void (*kernel)(const PartRun&))
                      run.block = &blocks_[b];
                      run.nodes = &nodes_[8 * kPartLanes * b];
                      run.frames = &frame_rows_[9 * b];
+                     run.tubes = tube_rows_[b].empty() ? nullptr : tube_rows_[b].data();
                      run.out = &given_[kRowsOfBlock * b];
                      kernel(run);
                  });
@@ -309,35 +324,17 @@ void FleshForces::follow(const VectorXd& u)
                 frames_[idx(cell_of_part_[p])](i);
 }
 
-/// Of the tubes, into their places.
-void FleshForces::add_tubes(const VectorXd& x, double factor) const
-{
-    parallel_for(tubes_.size(), kGrainOfBlocks * 8,
-                 [&](std::size_t t)
-                 {
-                     const TubePart& tube = tubes_[t];
-                     const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
-                     Eigen::Matrix<double, 8, 3> values;
-                     for (int a = 0; a < 8; ++a)
-                         values.row(a) = x.segment<3>(3 * nodes[idx(a)]).transpose();
-                     Eigen::Map<Eigen::Matrix<double, 8, 3>> out(
-                         given_[kRowsOfBlock * num_blocks_ + kRowsOfTube * t].lane);
-                     out.noalias() = (factor * tube.stiffness) * tube.overlap * values;
-                 });
-}
-
 /// Of the corners of a tube's cell, from where they are to where the bone has them.
-Eigen::Matrix<double, 8, 3>
-FleshForces::way_to_bone(const TubePart& tube, const VectorXd& u,
-                         std::span<const Motion> motions) const
+PartVector FleshForces::way_to_bone(const TubePart& tube, const VectorXd& u,
+                                    std::span<const Motion> motions) const
 {
-    const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
+    const CornerNodes& nodes = lattice_.cells[idx(cell_of_part_[idx(tube.part)])];
     const Motion& T = motions[idx(tube.motion)];
-    Eigen::Matrix<double, 8, 3> way;
+    PartVector way;
     for (int a = 0; a < 8; ++a)
     {
         const Vector3d& x = lattice_.places[idx(nodes[idx(a)])];
-        way.row(a) = (T(x) - x - u.segment<3>(3 * nodes[idx(a)])).transpose();
+        way.segment<3>(3 * a) = T(x) - x - u.segment<3>(3 * nodes[idx(a)]);
     }
     return way;
 }
@@ -372,6 +369,7 @@ void FleshForces::multiply(const VectorXd& x, const FleshFactors& factors,
     run.values = x.data();
     run.mass = factors.mass;
     run.stiffness = law_ ? 0.0 : factors.stiffness;
+    run.tube = factors.tube;
     run_blocks(run, kernels_.product);
     if (!drawn_.empty() || (law_ && factors.stiffness != 0.0))
         parallel_for(lattice_.parts.size(), kGrainOfBlocks * kPartLanes,
@@ -383,10 +381,10 @@ void FleshForces::multiply(const VectorXd& x, const FleshFactors& factors,
                              sum = factors.stiffness * product(v, p);
                          if (!drawn_.empty())
                              by_corners(sum) +=
-                                 factors.mass * by_corners(v) * drawn_[p].mass;
+                                 by_corners(v) * (factors.mass * drawn_[p].mass +
+                                                  factors.tube * drawn_[p].tube);
                          give(sum, p, drawn_.empty());
                      });
-    add_tubes(x, factors.tube);
     gather(y);
 }
 
@@ -430,12 +428,11 @@ void FleshForces::forces(const VectorXd& u, std::span<const Motion> motions,
                      });
     else
         pull_to_rest(u, -1.0);
-    for (std::size_t t = 0; t < tubes_.size(); ++t)
+    for (const TubePart& tube : tubes_)
     {
-        const TubePart& tube = tubes_[t];
-        Eigen::Map<Eigen::Matrix<double, 8, 3>>(
-            given_[kRowsOfBlock * num_blocks_ + kRowsOfTube * t].lane)
-            .noalias() = tube.stiffness * tube.overlap * way_to_bone(tube, u, motions);
+        PartVector pull = way_to_bone(tube, u, motions);
+        by_corners(pull) *= tube.stiffness * tube.overlap;
+        give(pull, idx(tube.part), true);
     }
     gather(out);
 }
@@ -482,8 +479,9 @@ double FleshForces::tube_energy(const VectorXd& u, std::span<const Motion> motio
     double energy = 0.0;
     for (const TubePart& tube : tubes_)
     {
-        const Eigen::Matrix<double, 8, 3> way = way_to_bone(tube, u, motions);
-        energy += 0.5 * tube.stiffness * (way.transpose() * tube.overlap * way).trace();
+        const PartVector way = way_to_bone(tube, u, motions);
+        energy += 0.5 * tube.stiffness *
+                  (by_corners(way) * tube.overlap).cwiseProduct(by_corners(way)).sum();
     }
     return energy;
 }
@@ -508,13 +506,7 @@ std::vector<FleshForces::MeanBlock> FleshForces::mean_blocks() const
                                  K.block<3, 3>(3 * a, 3 * b).trace() / 3.0;
                  });
     for (const TubePart& tube : tubes_)
-    {
-        MeanBlock& block = out.emplace_back();
-        block.nodes = &lattice_.cells[idx(tube.cell)];
-        block.mass.setZero();
-        block.stiffness.setZero();
-        block.tube = tube.stiffness * tube.overlap;
-    }
+        out[idx(tube.part)].tube += tube.stiffness * tube.overlap;
     return out;
 }
 

@@ -83,10 +83,8 @@ private:
     void gather(Eigen::VectorXd& out) const;
     PartVector corners(const Eigen::VectorXd& x, std::size_t part) const;
     void give(const PartVector& forces, std::size_t part, bool adds) const;
-    void add_tubes(const Eigen::VectorXd& x, double factor) const;
-    Eigen::Matrix<double, 8, 3> way_to_bone(const TubePart& tube,
-                                            const Eigen::VectorXd& u,
-                                            std::span<const Motion> motions) const;
+    PartVector way_to_bone(const TubePart& tube, const Eigen::VectorXd& u,
+                           std::span<const Motion> motions) const;
     PartVector product(const PartVector& values, std::size_t part) const;
     void run_blocks(const PartRun& how, void (*kernel)(const PartRun&)) const;
     void pull_to_rest(const Eigen::VectorXd& u, double factor) const;
@@ -97,10 +95,12 @@ private:
     std::vector<FleshMaterial> materials_;
     std::vector<TubePart> tubes_;
     std::vector<PartBlock> blocks_; ///< of boxes
-    /// Mass and sum of the slopes' weighted values of a hexahedron that was drawn.
+    /// Stiffness times overlap of a block's tubes, as PartRun has it; empty without them.
+    std::vector<std::vector<PartRow>> tube_rows_;
+    /// Mass, tubes and sum of the slopes' weighted values of a hexahedron that was drawn.
     struct DrawnPart
     {
-        Eigen::Matrix<double, 8, 8> mass;
+        Eigen::Matrix<double, 8, 8> mass, tube;
         Eigen::Matrix<double, 3, 8> slopes;
     };
     std::vector<DrawnPart> drawn_;

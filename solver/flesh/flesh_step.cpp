@@ -31,6 +31,13 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kPartGrain = 64; ///< parts
 
+/// To each axis.
+void add_alike(const Eigen::Matrix<double, 8, 8>& of_corners, PartMatrix& A)
+{
+    for (int axis = 0; axis < 3; ++axis)
+        A(Eigen::seqN(axis, 8, 3), Eigen::seqN(axis, 8, 3)) += of_corners;
+}
+
 } // namespace
 
 FleshStep::FleshStep(Flesh& flesh) : parts_(*flesh.parts_)
@@ -46,8 +53,6 @@ FleshStep::FleshStep(Flesh& flesh) : parts_(*flesh.parts_)
         mass_.push_back(mass_of(points, material.density));
         targets_.push_back(target_of(lattice.cells[idx(part.cell)]));
     }
-    for (const TubePart& tube : parts_.forces.tubes())
-        targets_.push_back(target_of(lattice.cells[idx(tube.cell)]));
     std::vector<std::pair<int, int>> pairs;
     for (const PartTarget& target : targets_)
         for (const int row : target.free)
@@ -208,24 +213,13 @@ bool FleshStep::factorize(const VectorXd& u)
                                      stiffness_[p].block<3, 3>(3 * a, 3 * b) *
                                      R.transpose();
                      }
-                     for (int a = 0; a < 8; ++a)
-                         for (int b = 0; b < 8; ++b)
-                             A.block<3, 3>(3 * a, 3 * b).diagonal().array() +=
-                                 of_mass * mass_[p](a, b);
+                     add_alike(of_mass * mass_[p], A);
                  });
+    for (const TubePart& tube : parts_.forces.tubes())
+        add_alike(tube.stiffness * tube.overlap, matrices[idx(tube.part)]);
     matrix_.set_zero();
     for (std::size_t p = 0; p < matrices.size(); ++p)
         add(targets_[p], matrices[p]);
-    const std::vector<TubePart>& tubes = parts_.forces.tubes();
-    for (std::size_t t = 0; t < tubes.size(); ++t)
-    {
-        PartMatrix A = PartMatrix::Zero();
-        for (int a = 0; a < 8; ++a)
-            for (int b = 0; b < 8; ++b)
-                A.block<3, 3>(3 * a, 3 * b).diagonal().array() =
-                    tubes[t].stiffness * tubes[t].overlap(a, b);
-        add(targets_[stiffness_.size() + t], A);
-    }
     for (std::size_t k = 0; k < num_free(); ++k)
         diagonal_.segment<3>(Eigen::Index(3 * k)) =
             matrix_.diagonal(static_cast<int>(k)).diagonal();

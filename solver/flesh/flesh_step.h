@@ -65,7 +65,7 @@ private:
     void add(const PartTarget& target, const PartMatrix& matrix);
 
     Flesh::Parts& parts_;
-    std::vector<PartTarget> targets_;   ///< of the parts, then of the tubes
+    std::vector<PartTarget> targets_;   ///< of the parts
     std::vector<PartMatrix> stiffness_; ///< of the parts, at rest
     std::vector<Eigen::Matrix<double, 8, 8>> mass_;
     BlockMatrix matrix_;

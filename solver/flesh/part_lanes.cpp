@@ -138,8 +138,7 @@ inline void give(const PartRun& run, const Lanes* R, std::size_t lane,
 /// orthogonal: sums over points become sums over these.
 struct Signs
 {
-    /// Of x, y, z; of yz, zx, xy; of xyz.
-    Lanes place[3][4], product[3][7], triple[8];
+    Lanes place[3][4], product[3][7]; ///< of x, y, z; of yz, zx, xy
 };
 
 inline Signs signs_of(const PartBlock& block, std::size_t lane)
@@ -165,17 +164,6 @@ inline Signs signs_of(const PartBlock& block, std::size_t lane)
             p[4 + i] = a[1 + i] * b[j] + a[j] * b[1 + i];
         }
     }
-    const Lanes* const x = out.place[0];
-    const Lanes* const p = out.product[0];
-    out.triple[0] = x[0] * p[0] + x[1] * p[1] + x[2] * p[2] + x[3] * p[3];
-    for (int i = 0; i < 3; ++i)
-    {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        out.triple[1 + i] =
-            x[0] * p[1 + i] + x[1 + i] * p[0] + x[1 + j] * p[4 + i] + x[1 + k] * p[4 + k];
-        out.triple[4 + i] = x[0] * p[4 + i] + x[1 + i] * p[1 + j] + x[1 + j] * p[1 + i];
-    }
-    out.triple[7] = x[1] * p[5] + x[2] * p[6] + x[3] * p[4];
     return out;
 }
 
@@ -207,33 +195,6 @@ inline void add_slope(Lanes pull, const Signs& at, int j, int sign, Coefficients
     f.c[kOfProduct[k]] += pull * at.place[l][sign];
     if (sign == 0)
         f.c[kOfPlace[j]] += pull;
-}
-
-inline void add_mass(const Coefficients& f, const Signs& at, Lanes inert,
-                     Coefficients& force)
-{
-    for (int sign = 0; sign < 8; ++sign)
-    {
-        Lanes value = f.c[7] * at.triple[sign];
-        if (sign < 7)
-            for (int c = 0; c < 3; ++c)
-                value += f.c[kOfProduct[c]] * at.product[c][sign];
-        if (sign < 4)
-            for (int c = 0; c < 3; ++c)
-                value += f.c[kOfPlace[c]] * at.place[c][sign];
-        if (sign == 0)
-            value += f.c[0];
-        const Lanes pull = inert * value;
-        force.c[7] += pull * at.triple[sign];
-        if (sign < 7)
-            for (int c = 0; c < 3; ++c)
-                force.c[kOfProduct[c]] += pull * at.product[c][sign];
-        if (sign < 4)
-            for (int c = 0; c < 3; ++c)
-                force.c[kOfPlace[c]] += pull * at.place[c][sign];
-        if (sign == 0)
-            force.c[0] += pull;
-    }
 }
 
 /// Takes off the stresses of single signs, 1 to 3, what the modes that cost least take:
@@ -269,6 +230,35 @@ inline void relax(const PartBlock& block, const Signs& at, std::size_t lane, Lan
         const Stress relief = stress_of(G, lambda, shear);
         for (int k = 0; k < 6; ++k)
             stress[sign].s[k] += relief.s[k];
+    }
+}
+
+/// Adds to the forces on the corners what mass and tubes do, which are alike along each
+/// axis: no frame turns them.
+inline void add_alike(const PartRun& run, const PartRow* values, std::size_t lane)
+{
+    Lanes entries[8][8];
+    for (std::size_t a = 0, next = 0; a < 8; ++a)
+        for (std::size_t b = 0; b <= a; ++b, ++next)
+        {
+            Lanes& entry = entries[a][b];
+            entry = run.mass * load(run.block->mass[next], lane);
+            if (run.tubes)
+                entry += run.tube * load(run.tubes[next], lane);
+            entries[b][a] = entry;
+        }
+    for (std::size_t c = 0; c < 3; ++c)
+    {
+        Lanes value[8];
+        for (std::size_t a = 0; a < 8; ++a)
+            value[a] = load(values[3 * a + c], lane);
+        for (std::size_t a = 0; a < 8; ++a)
+        {
+            Lanes sum = load(run.out[3 * a + c], lane);
+            for (std::size_t b = 0; b < 8; ++b)
+                sum += entries[a][b] * value[b];
+            store(run.out[3 * a + c], lane, sum);
+        }
     }
 }
 
@@ -309,11 +299,9 @@ void product(const PartRun& run)
                 for (int j = 0; j < 3; ++j)
                     add_slope(elastic * pull[c][j], at, j, sign, force[c]);
         }
-        if (run.mass != 0.0)
-            for (int c = 0; c < 3; ++c)
-                add_mass(f[c], at, weight * load(block.density, lane) * run.mass,
-                         force[c]);
         give(run, R, lane, force);
+        if (run.mass != 0.0 || run.tube != 0.0)
+            add_alike(run, rows, lane);
     }
 }
 

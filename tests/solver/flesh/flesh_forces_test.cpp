@@ -41,6 +41,21 @@ Lattice bent_lattice()
     return drawn_lattice(lattice.places, lattice.cells, material);
 }
 
+/// Two in one cell, and one in the last cell.
+std::vector<TubePart> tubes_in(const Lattice& lattice, std::mt19937& rng)
+{
+    std::vector<TubePart> tubes;
+    for (const int part : {0, 0, static_cast<int>(lattice.parts.size()) - 1})
+    {
+        Eigen::Matrix<double, 8, 8> root;
+        for (int k = 0; k < 63; k += 3)
+            root.reshaped().segment<3>(k) = support::random_vector(rng, 0.3);
+        root.diagonal().array() += 0.1;
+        tubes.push_back({part, 0, root * root.transpose(), 3e4});
+    }
+    return tubes;
+}
+
 VectorXd by_matrices(const Lattice& lattice, const FleshForces& forces, const VectorXd& x,
                      const FleshFactors& factors)
 {
@@ -60,6 +75,15 @@ VectorXd by_matrices(const Lattice& lattice, const FleshForces& forces, const Ve
                          R.transpose()) *
                     x.segment<3>(3 * nodes[idx(b)]);
     }
+    for (const TubePart& tube : forces.tubes())
+    {
+        const CornerNodes& nodes = lattice.cells[idx(lattice.parts[idx(tube.part)].cell)];
+        for (int a = 0; a < 8; ++a)
+            for (int b = 0; b < 8; ++b)
+                y.segment<3>(3 * nodes[idx(a)]) += factors.tube * tube.stiffness *
+                                                   tube.overlap(a, b) *
+                                                   x.segment<3>(3 * nodes[idx(b)]);
+    }
     return y;
 }
 
@@ -70,10 +94,10 @@ TEST(FleshForces, products_are_those_of_the_matrices_of_the_parts)
     std::mt19937 rng(7);
     for (const Lattice& lattice : {mixed_lattice(), bent_lattice()})
     {
-        FleshForces forces(lattice, kFlesh, {});
+        FleshForces forces(lattice, kFlesh, tubes_in(lattice, rng));
         forces.follow(support::random_field(lattice, rng, 0.05));
         const VectorXd x = support::random_field(lattice, rng, 1.0);
-        const FleshFactors factors{0.3, 0.02, 0.0};
+        const FleshFactors factors{0.3, 0.02, 0.01};
         VectorXd y;
         forces.multiply(x, factors, y);
         const VectorXd wanted = by_matrices(lattice, forces, x, factors);
@@ -87,16 +111,17 @@ TEST(FleshForces, all_instruction_sets_and_thread_counts_give_the_same_bits)
     for (const Lattice& lattice : {mixed_lattice(), bent_lattice()})
     {
         const VectorXd x = support::random_field(lattice, rng, 0.1);
+        const std::vector<TubePart> tubes = tubes_in(lattice, rng);
         std::vector<VectorXd> results;
         for (const InstructionSet set : instruction_sets())
             for (const int threads : {1, 2})
             {
                 const ThreadLimit limit(threads);
-                FleshForces forces(lattice, kFlesh, {}, set);
+                FleshForces forces(lattice, kFlesh, tubes, set);
                 forces.follow(x);
                 VectorXd y, f;
-                forces.multiply(x, {1.0, 0.1, 0.0}, y);
-                forces.forces(x, {}, f);
+                forces.multiply(x, {1.0, 0.1, 0.3}, y);
+                forces.forces(x, std::vector<Motion>(1), f);
                 y += f;
                 results.push_back(y);
             }
@@ -183,8 +208,7 @@ TEST(FleshForces, forces_are_the_slope_of_the_energy_while_frames_stand)
     std::mt19937 rng(12);
     for (const Lattice& lattice : {mixed_lattice(), bent_lattice()})
     {
-        TubePart tube{0, 0, Eigen::Matrix<double, 8, 8>::Identity() * 0.1, 3e4};
-        FleshForces forces(lattice, kFlesh, {tube});
+        FleshForces forces(lattice, kFlesh, tubes_in(lattice, rng));
         const std::vector<Motion> motions = {
             {support::random_rotation(rng), support::random_vector(rng, 0.3)}};
         const VectorXd u = support::random_field(lattice, rng, 0.1);
