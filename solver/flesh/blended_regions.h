@@ -38,7 +38,7 @@ shares_by_distance(const Lattice& lattice, std::span<const std::vector<double>> 
 class BlendedRegions
 {
 public:
-    /// All but \p regions must outlive it. Throws std::invalid_argument where the shares
+    /// \p nodes must outlive it. Throws std::invalid_argument where the shares
     /// of a node do not sum to 1.
     BlendedRegions(const Lattice& lattice, const BoundNodes& nodes,
                    std::span<const FleshMaterial> materials,
@@ -75,7 +75,6 @@ public:
 
 private:
     struct Region;
-    const Lattice& lattice_;
     const BoundNodes& nodes_;
     double alpha_, beta_, dt_ = -1.0;
     std::vector<std::unique_ptr<Region>> regions_, spares_;

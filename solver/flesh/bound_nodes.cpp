@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/flesh/bound_nodes.h"
 
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -153,6 +154,19 @@ BoundNodes bind_nodes(std::span<const NodeShares> hanging,
         out.by_points.add(gathered(std::move(by_points)));
     }
     out.free_of = out.by_free.transposed(out.free.size());
+    return out;
+}
+
+SparseRows by_free_of_all(const BoundNodes& nodes)
+{
+    SparseRows out;
+    std::size_t free = 0, bound = 0;
+    while (free < nodes.free.size() || bound < nodes.bound.size())
+        if (bound == nodes.bound.size() ||
+            (free < nodes.free.size() && nodes.free[free] < nodes.bound[bound]))
+            out.add(std::array{NodeShare{static_cast<int>(free++), 1.0}});
+        else
+            out.add(nodes.by_free[bound++]);
     return out;
 }
 

@@ -39,4 +39,7 @@ struct BoundNodes
 BoundNodes bind_nodes(std::span<const NodeShares> hanging,
                       std::span<const HeldPoint> points);
 
+/// Rows of all nodes: by_free of a bound one, and a free one by itself.
+SparseRows by_free_of_all(const BoundNodes& nodes);
+
 } // namespace cellwarp

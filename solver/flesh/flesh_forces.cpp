@@ -486,9 +486,10 @@ double FleshForces::tube_energy(const VectorXd& u, std::span<const Motion> motio
     return energy;
 }
 
-std::vector<FleshForces::MeanBlock> FleshForces::mean_blocks() const
+std::vector<Eigen::Matrix<double, 8, 8>>
+FleshForces::mean_blocks(const FleshFactors& factors) const
 {
-    std::vector<MeanBlock> out(lattice_.parts.size());
+    std::vector<Eigen::Matrix<double, 8, 8>> out(lattice_.parts.size());
     parallel_for(out.size(), kGrainOfBlocks,
                  [&](std::size_t p)
                  {
@@ -496,17 +497,14 @@ std::vector<FleshForces::MeanBlock> FleshForces::mean_blocks() const
                      const FleshMaterial& material = materials_[idx(part.material)];
                      const PartPoints points = points_of(lattice_, part);
                      const PartMatrix K = stiffness_of(points, material);
-                     MeanBlock& block = out[p];
-                     block.nodes = &lattice_.cells[idx(part.cell)];
-                     block.mass = mass_of(points, material.density);
-                     block.tube.setZero();
+                     out[p] = factors.mass * mass_of(points, material.density);
                      for (int a = 0; a < 8; ++a)
                          for (int b = 0; b < 8; ++b)
-                             block.stiffness(a, b) =
-                                 K.block<3, 3>(3 * a, 3 * b).trace() / 3.0;
+                             out[p](a, b) += factors.stiffness *
+                                             K.block<3, 3>(3 * a, 3 * b).trace() / 3.0;
                  });
     for (const TubePart& tube : tubes_)
-        out[idx(tube.part)].tube += tube.stiffness * tube.overlap;
+        out[idx(tube.part)] += factors.tube * tube.stiffness * tube.overlap;
     return out;
 }
 

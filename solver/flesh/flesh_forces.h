@@ -51,6 +51,7 @@ public:
     const std::vector<Eigen::Matrix3d>& frames() const { return frames_; }
     /// Second derivatives of the parts, made positive, of the last follow() with a law.
     const std::vector<PartMatrix>& hessians() const { return hessians_; }
+    bool has_law() const { return law_.has_value(); }
     const std::vector<TubePart>& tubes() const { return tubes_; }
     /// F, the mean of each cell.
     void mean_deformations(const Eigen::VectorXd& u,
@@ -70,14 +71,10 @@ public:
     double elastic_energy(const Eigen::VectorXd& u) const;
     double tube_energy(const Eigen::VectorXd& u, std::span<const Motion> motions) const;
 
-    /// The mean of the three axes' entries of M, K and the tubes' matrix, which no turn
-    /// of a frame changes: of pairs of corners of each part.
-    struct MeanBlock
-    {
-        const CornerNodes* nodes = nullptr;
-        Eigen::Matrix<double, 8, 8> mass, stiffness, tube;
-    };
-    std::vector<MeanBlock> mean_blocks() const;
+    /// The mean of the three axes' entries of the factors' matrices at rest, which no
+    /// turn of a frame changes: pairs of corners of each part.
+    std::vector<Eigen::Matrix<double, 8, 8>>
+    mean_blocks(const FleshFactors& factors) const;
 
 private:
     void gather(Eigen::VectorXd& out) const;

@@ -30,14 +30,12 @@ Flesh::Parts::Parts(Lattice of, std::vector<FleshMaterial> of_what,
                     FleshSettings how, std::vector<FleshRegionShares> of_regions)
     : lattice(std::move(of)), materials(std::move(of_what)), points(std::move(held)),
       nodes(bind_nodes(lattice.hanging, points)), settings(how),
-      forces(lattice, materials, of_tubes), free_shares(nodes, lattice.places.size())
+      forces(lattice, materials, std::move(of_tubes)),
+      free_shares(nodes, lattice.places.size())
 {
     if (settings.law == FleshLaw::Regions)
-    {
-        tubes = std::move(of_tubes);
-        regions.emplace(lattice, nodes, materials, tubes, std::move(of_regions),
+        regions.emplace(lattice, nodes, materials, forces.tubes(), std::move(of_regions),
                         settings.alpha, settings.beta);
-    }
     size = lattice.places.empty() ? 0.0 : box_around(lattice.places).diagonal().norm();
     edge = size;
     for (const LatticePart& part : lattice.parts)
@@ -106,7 +104,7 @@ void Flesh::Parts::prepare(double dt)
     for (const FleshMaterial& material : materials)
         stiffest = std::max(stiffest,
                             dt * dt * material.young / (material.density * edge * edge));
-    preconditioner.emplace(lattice, nodes, forces.mean_blocks(), factors(dt),
+    preconditioner.emplace(lattice, nodes, forces.mean_blocks(factors(dt)),
                            settings.has_levels && !regions && stiffest >= kHeavy);
     cg = ConjugateGradients(Eigen::Index(3 * nodes.free.size()));
     prepared_dt = dt;

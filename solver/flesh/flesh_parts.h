@@ -41,7 +41,6 @@ struct Flesh::Parts
 
     FleshSurface surface;
     FreeShares free_shares;
-    std::vector<TubePart> tubes; ///< of the regions alone
     std::optional<BlendedRegions> regions;
     Eigen::VectorXd by_mass; ///< of the regions: of each free node, 1 / its mass [1/kg]
 

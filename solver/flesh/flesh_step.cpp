@@ -29,67 +29,22 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr std::size_t kPartGrain = 64; ///< parts
-
-/// To each axis.
-void add_alike(const Eigen::Matrix<double, 8, 8>& of_corners, PartMatrix& A)
-{
-    for (int axis = 0; axis < 3; ++axis)
-        A(Eigen::seqN(axis, 8, 3), Eigen::seqN(axis, 8, 3)) += of_corners;
-}
-
 } // namespace
 
-FleshStep::FleshStep(Flesh& flesh) : parts_(*flesh.parts_)
+FleshStep::FleshStep(Flesh& flesh)
+    : parts_(*flesh.parts_),
+      matrix_(parts_.lattice, parts_.materials, by_free_of_all(parts_.nodes), num_free())
 {
     if (parts_.regions)
         throw std::invalid_argument("blended regions are the minimum of nothing");
-    const Lattice& lattice = parts_.lattice;
-    for (const LatticePart& part : lattice.parts)
-    {
-        const PartPoints points = points_of(lattice, part);
-        const FleshMaterial& material = parts_.materials[idx(part.material)];
-        stiffness_.push_back(stiffness_of(points, material));
-        mass_.push_back(mass_of(points, material.density));
-        targets_.push_back(target_of(lattice.cells[idx(part.cell)]));
-    }
-    std::vector<std::pair<int, int>> pairs;
-    for (const PartTarget& target : targets_)
-        for (const int row : target.free)
-            for (const int column : target.free)
-                if (row > column)
-                    pairs.emplace_back(row, column);
-    std::sort(pairs.begin(), pairs.end());
-    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-    matrix_ = BlockMatrix(std::vector<int>(num_free(), 3), std::move(pairs));
-    for (PartTarget& target : targets_)
-        for (const int row : target.free)
-            for (const int column : target.free)
-                target.blocks.push_back(row >= column ? matrix_.find(row, column) : -1);
     if (num_free() > 0)
-        factor_ = std::make_unique<SparseCholesky>(matrix_);
+        factor_ = std::make_unique<SparseCholesky>(matrix_.blocks());
     diagonal_ = VectorXd::Zero(Eigen::Index(3 * num_free()));
 }
 
 std::size_t FleshStep::num_free() const
 {
     return parts_.nodes.free.size();
-}
-
-FleshStep::PartTarget FleshStep::target_of(const CornerNodes& corners) const
-{
-    std::map<int, std::array<double, 8>> shares;
-    for (std::size_t a = 0; a < 8; ++a)
-        for (const NodeShare& share :
-             parts_.free_shares.of(std::array{NodeShare{corners[a], 1.0}}).free)
-            shares[share.node][a] += share.share;
-    PartTarget target;
-    for (const auto& [node, of_corners] : shares)
-    {
-        target.free.push_back(node);
-        target.shares.push_back(of_corners);
-    }
-    return target;
 }
 
 void FleshStep::begin(const FleshState& from, double dt, std::span<const Motion> motions,
@@ -159,71 +114,21 @@ double FleshStep::gradient(const VectorXd& u, VectorXd& out) const
     return largest;
 }
 
-/// Z^T A Z of a part, Z what its corners take of the free nodes.
-void FleshStep::add(const PartTarget& target, const PartMatrix& matrix)
-{
-    const std::size_t count = target.free.size();
-    for (std::size_t i = 0; i < count; ++i)
-    {
-        Eigen::Matrix<double, 3, 24> row = Eigen::Matrix<double, 3, 24>::Zero();
-        for (int a = 0; a < 8; ++a)
-            if (const double share = target.shares[i][idx(a)]; share != 0.0)
-                row += share * matrix.middleRows<3>(3 * a);
-        for (std::size_t j = 0; j < count; ++j)
-        {
-            const int block = target.blocks[count * i + j];
-            if (block < 0)
-                continue;
-            Matrix3d sum = Matrix3d::Zero();
-            for (int b = 0; b < 8; ++b)
-                if (const double share = target.shares[j][idx(b)]; share != 0.0)
-                    sum += share * row.middleCols<3>(3 * b);
-            matrix_.block(block) += sum;
-        }
-    }
-}
-
 bool FleshStep::factorize(const VectorXd& u)
 {
     if (num_free() == 0)
         return true;
     const FleshSettings& how = parts_.settings;
-    const bool has_hessians = parts_.is_of_large_strain();
-    if (has_hessians)
+    if (parts_.is_of_large_strain())
         parts_.forces.follow(u);
     else if (std::exchange(is_factorized_, true))
         return true; // of a quadratic function, in the same step
-    const double of_mass = 1.0 / (dt_ * dt_) + how.alpha / dt_,
-                 of_stiffness = 1.0 + how.beta / dt_;
-    std::vector<PartMatrix> matrices(stiffness_.size());
-    parallel_for(matrices.size(), kPartGrain,
-                 [&](std::size_t p)
-                 {
-                     PartMatrix& A = matrices[p];
-                     if (has_hessians)
-                         A = of_stiffness * parts_.forces.hessians()[p];
-                     else
-                     {
-                         const Matrix3d& R =
-                             parts_.forces.frames()[idx(parts_.lattice.parts[p].cell)];
-                         for (int a = 0; a < 8; ++a)
-                             for (int b = 0; b < 8; ++b)
-                                 A.block<3, 3>(3 * a, 3 * b) =
-                                     of_stiffness * R *
-                                     stiffness_[p].block<3, 3>(3 * a, 3 * b) *
-                                     R.transpose();
-                     }
-                     add_alike(of_mass * mass_[p], A);
-                 });
-    for (const TubePart& tube : parts_.forces.tubes())
-        add_alike(tube.stiffness * tube.overlap, matrices[idx(tube.part)]);
-    matrix_.set_zero();
-    for (std::size_t p = 0; p < matrices.size(); ++p)
-        add(targets_[p], matrices[p]);
+    matrix_.assemble(parts_.forces,
+                     {1.0 / (dt_ * dt_) + how.alpha / dt_, 1.0 + how.beta / dt_, 1.0});
     for (std::size_t k = 0; k < num_free(); ++k)
         diagonal_.segment<3>(Eigen::Index(3 * k)) =
-            matrix_.diagonal(static_cast<int>(k)).diagonal();
-    const bool has_factor = factor_->factorize(matrix_);
+            matrix_.blocks().diagonal(static_cast<int>(k)).diagonal();
+    const bool has_factor = factor_->factorize(matrix_.blocks());
     is_factorized_ = is_factorized_ && has_factor;
     return has_factor;
 }

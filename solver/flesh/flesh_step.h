@@ -11,9 +11,7 @@
 #include <Eigen/Core>
 
 #include "solver/flesh/flesh.h"
-#include "solver/flesh/flesh_forces.h"
-#include "solver/flesh/part_points.h"
-#include "solver/linear/block_matrix.h"
+#include "solver/flesh/step_matrix.h"
 #include "solver/linear/cholesky.h"
 
 namespace cellwarp
@@ -53,22 +51,8 @@ public:
     FleshState end(const Eigen::VectorXd& u) const;
 
 private:
-    struct PartTarget
-    {
-        /// Free nodes that a part's corners take of, and how much each corner does.
-        std::vector<int> free;
-        std::vector<std::array<double, 8>> shares;
-        std::vector<int>
-            blocks; ///< of pairs of those, row by row; -1: above the diagonal
-    };
-    PartTarget target_of(const CornerNodes& corners) const;
-    void add(const PartTarget& target, const PartMatrix& matrix);
-
     Flesh::Parts& parts_;
-    std::vector<PartTarget> targets_;   ///< of the parts
-    std::vector<PartMatrix> stiffness_; ///< of the parts, at rest
-    std::vector<Eigen::Matrix<double, 8, 8>> mass_;
-    BlockMatrix matrix_;
+    StepMatrix matrix_;
     std::unique_ptr<SparseCholesky> factor_;
     bool is_factorized_ = false; ///< of what does not change in the step
     Eigen::VectorXd diagonal_;

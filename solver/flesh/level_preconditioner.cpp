@@ -17,38 +17,6 @@ using Entry = Eigen::Triplet<double>;
 
 constexpr std::size_t kLevelGrain = 2048; ///< nodes
 
-/// One number a pair of free nodes.
-Sparse mean_matrix(std::size_t num_nodes, const BoundNodes& nodes,
-                   std::span<const FleshForces::MeanBlock> blocks,
-                   const FleshFactors& factors)
-{
-    std::vector<Entry> shares;
-    for (std::size_t k = 0; k < nodes.free.size(); ++k)
-        shares.emplace_back(nodes.free[k], static_cast<int>(k), 1.0);
-    for (std::size_t k = 0; k < nodes.bound.size(); ++k)
-        for (const NodeShare& share : nodes.by_free[k])
-            shares.emplace_back(nodes.bound[k], share.node, share.share);
-    Sparse W(Eigen::Index(num_nodes), Eigen::Index(nodes.free.size()));
-    W.setFromTriplets(shares.begin(), shares.end());
-    std::vector<Entry> entries;
-    entries.reserve(64 * blocks.size());
-    for (const FleshForces::MeanBlock& block : blocks)
-        for (int a = 0; a < 8; ++a)
-            for (int b = 0; b < 8; ++b)
-                entries.emplace_back((*block.nodes)[idx(a)], (*block.nodes)[idx(b)],
-                                     factors.mass * block.mass(a, b) +
-                                         factors.stiffness * block.stiffness(a, b) +
-                                         factors.tube * block.tube(a, b));
-    Sparse S(W.rows(), W.rows());
-    S.setFromTriplets(entries.begin(), entries.end());
-    return W.transpose() * (S * W).pruned();
-}
-
-VectorXd inverted(const VectorXd& diagonal)
-{
-    return diagonal.unaryExpr([](double d) { return d > 0.0 ? 1.0 / d : 0.0; });
-}
-
 Sparse matrix_of(const SparseRows& rows, std::size_t columns)
 {
     std::vector<Entry> entries;
@@ -58,6 +26,30 @@ Sparse matrix_of(const SparseRows& rows, std::size_t columns)
     Sparse out(Eigen::Index(rows.size()), Eigen::Index(columns));
     out.setFromTriplets(entries.begin(), entries.end());
     return out;
+}
+
+/// One number a pair of free nodes.
+Sparse mean_matrix(const Lattice& lattice, const BoundNodes& nodes,
+                   std::span<const Eigen::Matrix<double, 8, 8>> blocks)
+{
+    const Sparse W = matrix_of(by_free_of_all(nodes), nodes.free.size());
+    std::vector<Entry> entries;
+    entries.reserve(64 * blocks.size());
+    for (std::size_t p = 0; p < blocks.size(); ++p)
+    {
+        const CornerNodes& corners = lattice.cells[idx(lattice.parts[p].cell)];
+        for (int a = 0; a < 8; ++a)
+            for (int b = 0; b < 8; ++b)
+                entries.emplace_back(corners[idx(a)], corners[idx(b)], blocks[p](a, b));
+    }
+    Sparse S(W.rows(), W.rows());
+    S.setFromTriplets(entries.begin(), entries.end());
+    return W.transpose() * (S * W).pruned();
+}
+
+VectorXd inverted(const VectorXd& diagonal)
+{
+    return diagonal.unaryExpr([](double d) { return d > 0.0 ? 1.0 / d : 0.0; });
 }
 
 /// out (+)= rows x, three numbers a node.
@@ -81,11 +73,11 @@ void multiply(const SparseRows& rows, const VectorXd& x, bool adds, VectorXd& ou
 
 } // namespace
 
-LevelPreconditioner::LevelPreconditioner(const Lattice& lattice, const BoundNodes& nodes,
-                                         std::span<const FleshForces::MeanBlock> blocks,
-                                         const FleshFactors& factors, bool has_levels)
+LevelPreconditioner::LevelPreconditioner(
+    const Lattice& lattice, const BoundNodes& nodes,
+    std::span<const Eigen::Matrix<double, 8, 8>> blocks, bool has_levels)
 {
-    Sparse A = mean_matrix(lattice.places.size(), nodes, blocks, factors);
+    Sparse A = mean_matrix(lattice, nodes, blocks);
     levels_.emplace_back().inverse = inverted(A.diagonal());
     if (!has_levels)
         return;

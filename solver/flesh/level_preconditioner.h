@@ -9,7 +9,6 @@
 #include <Eigen/Core>
 
 #include "solver/flesh/bound_nodes.h"
-#include "solver/flesh/flesh_forces.h"
 #include "solver/flesh/lattice.h"
 #include "solver/linear/linear_operator.h"
 
@@ -22,11 +21,11 @@ namespace cellwarp
 class LevelPreconditioner : public Preconditioner
 {
 public:
-    /// \p factors: of A. \p has_levels: without, the lattice's own diagonal alone
-    /// (Jacobi).
+    /// \p blocks: of A, see FleshForces::mean_blocks(). \p has_levels: without, the
+    /// lattice's own diagonal alone (Jacobi).
     LevelPreconditioner(const Lattice& lattice, const BoundNodes& nodes,
-                        std::span<const FleshForces::MeanBlock> blocks,
-                        const FleshFactors& factors, bool has_levels);
+                        std::span<const Eigen::Matrix<double, 8, 8>> blocks,
+                        bool has_levels);
 
     /// Vectors have three numbers for each free node.
     void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) override;

@@ -83,7 +83,7 @@ void preconditioner(benchmark::State& state)
     const Lattice lattice = swinging_bar(state.range(0));
     FleshForces forces(lattice, std::vector<FleshMaterial>{{1e4, 0.4, 1000}}, {});
     const BoundNodes nodes = bind_nodes(lattice.hanging, held_nodes(lattice, is_held));
-    LevelPreconditioner B(lattice, nodes, forces.mean_blocks(), {1.0, 1e-4, 0.0}, true);
+    LevelPreconditioner B(lattice, nodes, forces.mean_blocks({1.0, 1e-4, 0.0}), true);
     VectorXd r = VectorXd::Random(Eigen::Index(3 * nodes.free.size())), z;
     for (auto _ : state)
         B.apply(r, z);

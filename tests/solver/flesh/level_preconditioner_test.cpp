@@ -6,6 +6,7 @@
 
 #include "octree/base/parallel.h"
 #include "solver/flesh/flesh.h"
+#include "solver/flesh/flesh_forces.h"
 #include "tests/support/flesh.h"
 
 namespace cellwarp
@@ -50,7 +51,7 @@ TEST(LevelPreconditioner, is_symmetric_and_positive)
                                                         { return x.x() < 0.2; }));
     for (const bool has_levels : {false, true})
     {
-        LevelPreconditioner B(lattice, nodes, forces.mean_blocks(), {1.0, 1e-3, 0.0},
+        LevelPreconditioner B(lattice, nodes, forces.mean_blocks({1.0, 1e-3, 0.0}),
                               has_levels);
         EXPECT_EQ(B.num_levels() > 1, has_levels);
         std::mt19937 rng(4);
@@ -84,7 +85,7 @@ TEST(LevelPreconditioner, gives_the_same_bits_for_any_number_of_threads)
     const std::vector<FleshMaterial> materials = {{1e4, 0.4, 1000}};
     FleshForces forces(lattice, materials, {});
     const BoundNodes nodes = bind_nodes(lattice.hanging, {});
-    LevelPreconditioner B(lattice, nodes, forces.mean_blocks(), {1.0, 1e-3, 0.0}, true);
+    LevelPreconditioner B(lattice, nodes, forces.mean_blocks({1.0, 1e-3, 0.0}), true);
     std::mt19937 rng(4);
     const VectorXd r = support::random_field(lattice, rng, 1.0);
     VectorXd one, two;
