@@ -25,7 +25,7 @@ if(CELLWARP_CGAL OR CELLWARP_BENCH)
   find_package(CGAL 5.5 REQUIRED)                                       # octree/wrap
 endif()
 if(CELLWARP_WINDOW OR CELLWARP_PICTURE)
-  find_package(embree 3.13 QUIET)                                       # editor/rays
+  find_package(embree 3.13 QUIET)                                       # library/picture
   if(NOT embree_FOUND)
     find_package(embree 4 REQUIRED)  # Debian 13, Ubuntu 24.04
   endif()

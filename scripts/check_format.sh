@@ -3,7 +3,7 @@
 # Every source file is formatted by clang-format 14 and starts with its licence.
 set -eu
 cd "$(dirname "$0")/.."
-rooms="io octree solver editor tests"
+rooms="io octree solver library editor tests"
 files=$(find $rooms -name '*.h' -o -name '*.cpp' | sort)
 clang-format --dry-run -Werror $files
 for file in $files CMakeLists.txt $(find $rooms -name CMakeLists.txt) cmake/* scripts/*; do

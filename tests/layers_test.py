@@ -27,20 +27,20 @@ good = {"octree/a.cpp": '#include "octree/a.h"\n', "octree/a.h": "#pragma once\n
 assert check(good)[0] == 0
 for path, text, words in (
         ("octree/b.cpp", '#include "solver/cells/glue.h"\n', "may not include solver/cells"),
-        ("io/b.cpp", '#include "octree/a.h"\n', "may not include octree"),
+        ("io/formats/b.cpp", '#include "octree/a.h"\n', "may not include octree"),
         ("solver/cells/b.cpp", '#include "solver/field/rbf.h"\n', "may not include solver/field"),
         ("solver/linear/b.cpp", '#include "octree/a.h"\n', "may not include octree"),
         ("solver/rods/b.cpp", '#include "octree/cells.h"\n', "may not include octree"),
-        ("editor/cli/deform.cpp", '#include "editor/simulation/simulation.h"\n',
-         "names the optional part editor/simulation"),
+        ("editor/cli/deform.cpp", '#include "library/time/simulation.h"\n',
+         "names the optional part library/time"),
         ("solver/cells/b.cpp", "#include <cholmod.h>\n", "may not include <cholmod.h>"),
         ("octree/b.cpp", "#include <CGAL/Surface_mesh.h>\n", "may not include <CGAL/"),
-        ("tests/io/b_test.cpp", "", "is no part of the tests"),
+        ("tests/io/base/b_test.cpp", "", "is no part of the tests"),
         ("octree/b.cpp", '#include "octree/wrap/wrap.h"\n', "names the optional part octree/wrap"),
-        ("editor/cli/deform.cpp", '#include "editor/picture/picture.h"\n',
-         "names the optional part editor/picture"),
+        ("editor/cli/deform.cpp", '#include "library/picture/picture.h"\n',
+         "names the optional part library/picture"),
         ("solver/b.cpp", "#include <vector>\n", "stands in no room"),
-        ("editor/session/b.cpp", '#include "utils/x.h"\n', "which is in no room")):
+        ("library/session/b.cpp", '#include "utils/x.h"\n', "which is in no room")):
     code, message = check({**good, path: text})
     assert code == 1 and words in message, (path, text, message)
 assert check({})[0] == 1

@@ -7,13 +7,13 @@
 
 #include <fmt/format.h>
 
-#include "editor/apply/apply.h"
 #include "editor/cli/command.h"
-#include "editor/session/peak_memory.h"
-#include "io/error.h"
-#include "io/geometry_file.h"
-#include "io/number.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/peak_memory.h"
+#include "library/stream/apply.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 

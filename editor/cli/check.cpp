@@ -9,11 +9,11 @@
 #include "editor/cli/in_time.h"
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_json.h"
-#include "editor/session/body.h"
-#include "io/face_triangles.h"
-#include "io/geometry_file.h"
-#include "io/scene_file.h"
-#include "io/time_settings.h"
+#include "io/formats/face_triangles.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/scene_file.h"
+#include "io/scene/time_settings.h"
+#include "library/session/body.h"
 #include "octree/self_intersections.h"
 
 namespace cellwarp

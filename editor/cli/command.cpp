@@ -10,15 +10,15 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "editor/session/memory_limit.h"
-#include "editor/session/sample_normals.h"
-#include "editor/session/scene_script.h"
-#include "editor/session/scene_settings.h"
-#include "editor/study/sweep.h"
-#include "io/error.h"
-#include "io/number.h"
-#include "io/saved_pair.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "io/scene/saved_pair.h"
+#include "library/session/memory_limit.h"
+#include "library/session/sample_normals.h"
+#include "library/session/scene_script.h"
+#include "library/session/scene_settings.h"
+#include "library/study/sweep.h"
 
 namespace cellwarp
 {

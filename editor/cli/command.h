@@ -13,11 +13,11 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/cli/flag_script.h"
-#include "editor/session/session.h"
-#include "io/animation_file.h"
-#include "io/bytes.h"
-#include "io/error.h"
-#include "io/scene_file.h"
+#include "io/base/bytes.h"
+#include "io/base/error.h"
+#include "io/formats/animation_file.h"
+#include "io/scene/scene_file.h"
+#include "library/session/session.h"
 #include "octree/base/clock.h"
 
 namespace cellwarp

@@ -8,8 +8,8 @@
 #include <unistd.h>
 
 #include "editor/cli/command.h"
-#include "io/error.h"
-#include "io/program.h"
+#include "io/base/error.h"
+#include "io/base/program.h"
 
 namespace cellwarp
 {

@@ -2,8 +2,8 @@
 // The one file that knows which optional parts this build has.
 #include "editor/cli/command.h"
 #include "editor/cli/in_time.h"
-#include "io/error.h"
-#include "io/time_settings.h"
+#include "io/base/error.h"
+#include "io/scene/time_settings.h"
 
 #ifdef CELLWARP_WITH_PICTURE
 #include "editor/cli/render.h"

@@ -9,8 +9,8 @@
 
 #include <fmt/format.h>
 
-#include "io/error.h"
-#include "io/number.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

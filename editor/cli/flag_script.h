@@ -8,7 +8,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "io/handle_file.h"
+#include "io/scene/handle_file.h"
 
 namespace cellwarp
 {

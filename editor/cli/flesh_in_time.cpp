@@ -7,10 +7,10 @@
 #include "editor/cli/in_time.h"
 #include "editor/cli/session_json.h"
 #include "editor/cli/told_in_time.h"
-#include "editor/flesh/flesh_simulation.h"
-#include "editor/session/played_frames.h"
-#include "editor/session/volume.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/played_frames.h"
+#include "library/session/volume.h"
+#include "library/time/flesh_simulation.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "editor/cli/command.h"
-#include "io/geometry.h"
+#include "io/formats/geometry.h"
 
 namespace cellwarp
 {

@@ -7,18 +7,18 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
-#include "editor/cli/limbs.h"
 #include "editor/cli/session_json.h"
-#include "editor/session/deformation.h"
-#include "editor/session/scene_script.h"
-#include "editor/study/sweep.h"
-#include "io/error.h"
-#include "io/field_file.h"
-#include "io/geometry_file.h"
-#include "io/handle_file.h"
-#include "io/number.h"
-#include "io/scene_file.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "io/formats/field_file.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/handle_file.h"
+#include "io/scene/scene_file.h"
+#include "library/session/deformation.h"
+#include "library/session/limbs.h"
+#include "library/session/scene_script.h"
+#include "library/study/sweep.h"
 
 namespace cellwarp
 {

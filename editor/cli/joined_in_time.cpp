@@ -5,8 +5,8 @@
 #include "editor/cli/in_time.h"
 #include "editor/cli/session_json.h"
 #include "editor/cli/told_in_time.h"
-#include "editor/joined/joined_simulation.h"
-#include "io/rod_scene.h"
+#include "io/scene/rod_scene.h"
+#include "library/time/joined_simulation.h"
 
 namespace cellwarp
 {

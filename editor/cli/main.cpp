@@ -18,11 +18,11 @@
 
 #include "editor/cli/command.h"
 #include "editor/cli/help.h"
-#include "editor/session/memory_guard.h"
-#include "io/error.h"
-#include "io/near_word.h"
-#include "io/number.h"
-#include "io/text.h"
+#include "editor/process/memory_guard.h"
+#include "io/base/error.h"
+#include "io/base/near_word.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
 #include "octree/base/parallel.h"
 
 namespace

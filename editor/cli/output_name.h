@@ -6,9 +6,9 @@
 
 #include <fmt/format.h>
 
-#include "io/error.h"
-#include "io/near_word.h"
-#include "io/number.h"
+#include "io/base/error.h"
+#include "io/base/near_word.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

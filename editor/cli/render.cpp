@@ -7,11 +7,11 @@
 
 #include <fmt/format.h>
 
-#include "editor/picture/figures.h"
-#include "io/error.h"
-#include "io/geometry_file.h"
-#include "io/number.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "io/formats/geometry_file.h"
+#include "library/picture/figures.h"
 
 namespace cellwarp
 {

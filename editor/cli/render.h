@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// cellwarp render: pictures without a display. Only in builds with editor/picture.
+// cellwarp render: pictures without a display. Only in builds with library/picture.
 #pragma once
 
 #include "editor/cli/command.h"

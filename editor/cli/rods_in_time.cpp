@@ -7,13 +7,13 @@
 #include "editor/cli/in_time.h"
 #include "editor/cli/session_json.h"
 #include "editor/cli/told_in_time.h"
-#include "editor/simulation/carried_model.h"
-#include "editor/simulation/simulation.h"
-#include "io/geometry_file.h"
-#include "io/plain_mesh.h"
-#include "io/rod_scene.h"
-#include "io/scene_file.h"
-#include "io/text.h"
+#include "io/base/text.h"
+#include "io/formats/geometry_file.h"
+#include "io/formats/plain_mesh.h"
+#include "io/scene/rod_scene.h"
+#include "io/scene/scene_file.h"
+#include "library/time/carried_model.h"
+#include "library/time/simulation.h"
 
 namespace cellwarp
 {

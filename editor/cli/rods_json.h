@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "editor/cli/command.h"
-#include "editor/session/rod_report.h"
+#include "library/session/rod_report.h"
 
 namespace cellwarp
 {

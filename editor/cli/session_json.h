@@ -6,7 +6,7 @@
 #include <string>
 
 #include "editor/cli/command.h"
-#include "editor/session/session.h"
+#include "library/session/session.h"
 
 namespace cellwarp
 {

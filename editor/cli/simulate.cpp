@@ -7,14 +7,14 @@
 
 #include "editor/cli/in_time.h"
 #include "editor/cli/output_name.h"
-#include "editor/session/peak_memory.h"
-#include "io/animation_file.h"
-#include "io/error.h"
-#include "io/geometry_file.h"
-#include "io/geometry_output.h"
-#include "io/number.h"
-#include "io/plain_mesh.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "io/formats/animation_file.h"
+#include "io/formats/geometry_file.h"
+#include "io/formats/geometry_output.h"
+#include "io/formats/plain_mesh.h"
+#include "library/session/peak_memory.h"
 #include "octree/base/clock.h"
 
 namespace cellwarp

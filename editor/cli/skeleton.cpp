@@ -6,16 +6,16 @@
 
 #include <fmt/format.h>
 
-#include "editor/cli/limbs.h"
 #include "editor/cli/skin_shares.h"
-#include "editor/session/retargeted_motion.h"
-#include "io/error.h"
-#include "io/geometry_file.h"
-#include "io/number.h"
-#include "io/relative_name.h"
-#include "io/skeleton_file.h"
-#include "io/skinned_file.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/relative_name.h"
+#include "io/base/text.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/skeleton_file.h"
+#include "io/scene/skinned_file.h"
+#include "library/session/limbs.h"
+#include "library/session/retargeted_motion.h"
 #include "octree/base/index.h"
 #include "octree/limb_names.h"
 

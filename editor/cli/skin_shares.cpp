@@ -9,7 +9,7 @@
 #include <limits>
 #include <utility>
 
-#include "editor/session/matched_joints.h"
+#include "library/session/matched_joints.h"
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
 

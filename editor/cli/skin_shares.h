@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "io/skinned_file.h"
+#include "io/scene/skinned_file.h"
 
 namespace cellwarp
 {

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
-#include "io/number.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

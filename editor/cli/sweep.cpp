@@ -15,10 +15,10 @@
 #include "editor/cli/stability.h"
 #include "editor/cli/sweep_page.h"
 #include "editor/cli/sweep_report.h"
-#include "io/error.h"
-#include "io/number.h"
-#include "io/text.h"
-#include "io/time_settings.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "io/scene/time_settings.h"
 
 namespace cellwarp
 {

@@ -13,7 +13,7 @@
 
 #include "editor/cli/page.h"
 #include "editor/cli/plot.h"
-#include "io/base64.h"
+#include "io/base/base64.h"
 
 namespace cellwarp
 {

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "io/number.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

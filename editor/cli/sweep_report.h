@@ -8,8 +8,8 @@
 
 #include "editor/cli/command.h"
 #include "editor/cli/machine.h"
-#include "editor/study/convergence.h"
-#include "editor/study/sweep.h"
+#include "library/study/convergence.h"
+#include "library/study/sweep.h"
 
 namespace cellwarp
 {

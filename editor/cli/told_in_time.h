@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "editor/cli/in_time.h"
-#include "editor/session/body.h"
-#include "io/scene_file.h"
+#include "io/scene/scene_file.h"
+#include "library/session/body.h"
 
 namespace cellwarp
 {

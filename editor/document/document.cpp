@@ -8,13 +8,13 @@
 #include <fmt/format.h>
 
 #include "editor/document/document_state.h"
-#include "editor/session/scene_script.h"
-#include "editor/session/spline_region.h"
-#include "io/checksum.h"
-#include "io/geometry_file.h"
-#include "io/output_set.h"
-#include "io/saved_pair.h"
-#include "io/text.h"
+#include "io/base/checksum.h"
+#include "io/base/output_set.h"
+#include "io/base/text.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/saved_pair.h"
+#include "library/session/scene_script.h"
+#include "library/session/spline_region.h"
 
 namespace cellwarp
 {

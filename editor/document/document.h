@@ -17,12 +17,12 @@
 #include "editor/document/edited_region.h"
 #include "editor/document/history.h"
 #include "editor/document/selection.h"
-#include "editor/session/work_frame.h"
-#include "io/bytes.h"
-#include "io/error.h"
-#include "io/geometry.h"
-#include "io/handle_file.h"
-#include "io/scene_file.h"
+#include "io/base/bytes.h"
+#include "io/base/error.h"
+#include "io/formats/geometry.h"
+#include "io/scene/handle_file.h"
+#include "io/scene/scene_file.h"
+#include "library/session/work_frame.h"
 
 namespace cellwarp
 {

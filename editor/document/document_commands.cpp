@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "editor/document/document_state.h"
-#include "editor/session/scene_settings.h"
+#include "library/session/scene_settings.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "io/error.h"
-#include "io/number.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "editor/document/selection.h"
-#include "io/handle_file.h"
-#include "io/scene_settings.h"
+#include "io/scene/handle_file.h"
+#include "io/scene/scene_settings.h"
 
 namespace cellwarp
 {

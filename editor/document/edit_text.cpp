@@ -5,8 +5,8 @@
 
 #include "editor/document/edit.h"
 #include "editor/document/json_statements.h"
-#include "io/error.h"
-#include "io/number.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

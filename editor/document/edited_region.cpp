@@ -7,9 +7,9 @@
 
 #include <Eigen/Geometry>
 
-#include "editor/session/frame_plan.h"
-#include "editor/session/regions.h"
-#include "editor/session/spline_holds.h"
+#include "library/session/frame_plan.h"
+#include "library/session/regions.h"
+#include "library/session/spline_holds.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

@@ -10,11 +10,11 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/handle_trajectory.h"
-#include "editor/session/skeleton_handle.h"
-#include "editor/session/spline_handle.h"
-#include "io/geometry.h"
-#include "io/handle_file.h"
+#include "io/formats/geometry.h"
+#include "io/scene/handle_file.h"
+#include "library/session/handle_trajectory.h"
+#include "library/session/skeleton_handle.h"
+#include "library/session/spline_handle.h"
 #include "octree/coincident_samples.h"
 
 namespace cellwarp

@@ -9,14 +9,14 @@
 #include <utility>
 #include <vector>
 
-#include "editor/session/flat.h"
-#include "editor/session/memory_limit.h"
-#include "editor/session/pass_through.h"
-#include "editor/session/scene_settings.h"
-#include "io/error.h"
-#include "io/geometry_output.h"
-#include "io/number.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "io/formats/geometry_output.h"
+#include "library/session/flat.h"
+#include "library/session/memory_limit.h"
+#include "library/session/pass_through.h"
+#include "library/session/scene_settings.h"
 #include "octree/base/stop_scope.h"
 
 namespace cellwarp

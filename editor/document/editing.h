@@ -9,9 +9,9 @@
 
 #include "editor/document/document.h"
 #include "editor/document/field_export.h"
-#include "editor/document/live_drag.h"
-#include "editor/document/shape.h"
 #include "editor/document/solve_worker.h"
+#include "library/session/live_drag.h"
+#include "library/session/shape.h"
 
 namespace cellwarp
 {

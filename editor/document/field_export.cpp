@@ -6,8 +6,8 @@
 #include <thread>
 #include <utility>
 
-#include "io/error.h"
-#include "io/field_file.h"
+#include "io/base/error.h"
+#include "io/formats/field_file.h"
 #include "octree/base/stop_scope.h"
 
 namespace cellwarp

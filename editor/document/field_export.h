@@ -7,8 +7,8 @@
 #include <memory>
 #include <string>
 
-#include "editor/session/session.h"
-#include "io/bytes.h"
+#include "io/base/bytes.h"
+#include "library/session/session.h"
 
 namespace cellwarp
 {

@@ -10,7 +10,7 @@
 #include <charconv>
 #include <variant>
 
-#include "io/error.h"
+#include "io/base/error.h"
 
 namespace cellwarp
 {

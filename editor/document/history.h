@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "editor/document/edit.h"
-#include "io/journal.h"
+#include "io/journal/journal.h"
 
 namespace cellwarp
 {

@@ -4,7 +4,7 @@
 
 #include <charconv>
 
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <array>
 
-#include "io/error.h"
-#include "io/number.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

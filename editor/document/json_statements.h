@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/document/selection.h"
-#include "io/handle_file.h"
+#include "io/scene/handle_file.h"
 
 namespace cellwarp
 {

@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "io/geometry.h"
+#include "io/formats/geometry.h"
 
 namespace cellwarp
 {

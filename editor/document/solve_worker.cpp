@@ -4,13 +4,13 @@
 #include <algorithm>
 #include <stop_token>
 
-#include "editor/document/worker.h"
-#include "editor/session/default_plane.h"
-#include "editor/session/large_heap.h"
-#include "editor/session/memory_limit.h"
-#include "editor/session/scene_settings.h"
-#include "editor/session/script_fingerprint.h"
-#include "io/error.h"
+#include "io/base/error.h"
+#include "library/session/default_plane.h"
+#include "library/session/large_heap.h"
+#include "library/session/memory_limit.h"
+#include "library/session/scene_settings.h"
+#include "library/session/script_fingerprint.h"
+#include "library/session/worker.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "octree/base/stop_scope.h"

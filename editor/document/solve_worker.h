@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
-#include "editor/document/prepared_drag.h"
-#include "editor/document/shape.h"
-#include "editor/session/session.h"
-#include "io/scene_file.h"
+#include "io/scene/scene_file.h"
+#include "library/session/prepared_drag.h"
+#include "library/session/session.h"
+#include "library/session/shape.h"
 
 namespace cellwarp
 {

@@ -12,10 +12,10 @@
 
 #include "editor/mpi/ranks.h"
 #include "editor/mpi/spread.h"
-#include "editor/session/memory_limit.h"
-#include "io/error.h"
-#include "io/number.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
+#include "library/session/memory_limit.h"
 #include "octree/base/parallel.h"
 
 namespace

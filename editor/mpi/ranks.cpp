@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 #include <mpi.h>
 
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

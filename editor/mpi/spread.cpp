@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <optional>
 
-#include "io/error.h"
-#include "io/geometry.h"
-#include "io/part_patch.h"
+#include "io/base/error.h"
+#include "io/formats/geometry.h"
+#include "io/formats/part_patch.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-#include "editor/session/deformation.h"
-#include "io/bytes.h"
-#include "io/ply.h"
+#include "io/base/bytes.h"
+#include "io/formats/ply.h"
+#include "library/session/deformation.h"
 
 namespace cellwarp
 {

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <vector>
 
-#include "io/number.h"
+#include "io/base/number.h"
 
 namespace cellwarp
 {

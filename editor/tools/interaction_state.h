@@ -18,7 +18,7 @@
 #include "editor/tools/picker.h"
 #include "editor/tools/region_drag.h"
 #include "editor/tools/selecting.h"
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/clock.h"
 
 namespace cellwarp

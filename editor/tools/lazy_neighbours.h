@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "editor/document/neighbours.h"
-#include "io/geometry.h"
+#include "io/formats/geometry.h"
 
 namespace cellwarp
 {

@@ -14,7 +14,7 @@
 
 #include <Eigen/LU>
 
-#include "editor/rays/ray_tree.h"
+#include "library/picture/ray_tree.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 

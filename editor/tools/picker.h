@@ -10,8 +10,8 @@
 
 #include <Eigen/Core>
 
-#include "editor/document/shape.h"
 #include "editor/tools/camera.h"
+#include "library/session/shape.h"
 
 namespace cellwarp
 {

@@ -9,9 +9,9 @@
 #include <Eigen/Core>
 
 #include "editor/document/selection.h"
-#include "editor/document/shape.h"
 #include "editor/tools/camera.h"
 #include "editor/tools/picker.h"
+#include "library/session/shape.h"
 
 namespace cellwarp
 {

@@ -6,9 +6,9 @@
 #include <memory>
 
 #include "editor/document/document.h"
-#include "editor/document/shape.h"
 #include "editor/tools/camera.h"
 #include "editor/window/colours.h"
+#include "library/session/shape.h"
 
 namespace cellwarp
 {

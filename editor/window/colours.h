@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "editor/document/document.h"
-#include "editor/document/shape.h"
-#include "editor/session/role_colour.h"
+#include "library/picture/role_colour.h"
+#include "library/session/shape.h"
 
 namespace cellwarp
 {

@@ -11,9 +11,9 @@
 
 #include "editor/window/style.h"
 #include "editor/window/widgets.h"
-#include "io/geometry.h"
-#include "io/geometry_file.h"
-#include "io/text.h"
+#include "io/base/text.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "editor/window/film_source.h"
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/clock.h"
 
 namespace cellwarp

@@ -12,7 +12,7 @@
 #include <fmt/format.h>
 
 #include "editor/window/film_source.h"
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/index.h"
 #include "octree/base/stop_scope.h"
 

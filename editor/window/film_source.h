@@ -10,10 +10,10 @@
 
 #include <Eigen/Core>
 
-#include "editor/document/shape.h"
-#include "io/geometry.h"
-#include "io/handle_file.h"
-#include "io/scene_file.h"
+#include "io/formats/geometry.h"
+#include "io/scene/handle_file.h"
+#include "io/scene/scene_file.h"
+#include "library/session/shape.h"
 
 namespace cellwarp
 {

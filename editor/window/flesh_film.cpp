@@ -12,11 +12,11 @@
 
 #include <fmt/format.h>
 
-#include "editor/flesh/flesh_simulation.h"
-#include "editor/session/memory_limit.h"
-#include "editor/session/scene_settings.h"
 #include "editor/window/film_source.h"
 #include "editor/window/live_flesh.h"
+#include "library/session/memory_limit.h"
+#include "library/session/scene_settings.h"
+#include "library/time/flesh_simulation.h"
 #include "octree/base/clock.h"
 #include "octree/base/stop_scope.h"
 

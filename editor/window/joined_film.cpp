@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "editor/joined/joined_simulation.h"
-#include "editor/session/memory_limit.h"
-#include "editor/session/scene_settings.h"
 #include "editor/window/film_source.h"
-#include "io/rod_scene.h"
+#include "io/scene/rod_scene.h"
+#include "library/session/memory_limit.h"
+#include "library/session/scene_settings.h"
+#include "library/time/joined_simulation.h"
 
 namespace cellwarp
 {

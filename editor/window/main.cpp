@@ -9,9 +9,9 @@
 
 #include <CLI/CLI.hpp>
 
-#include "editor/session/memory_guard.h"
+#include "editor/process/memory_guard.h"
 #include "editor/window/playback.h"
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/parallel.h"
 
 namespace

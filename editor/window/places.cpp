@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "io/bytes.h"
-#include "io/error.h"
+#include "io/base/bytes.h"
+#include "io/base/error.h"
 
 namespace cellwarp
 {

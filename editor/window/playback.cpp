@@ -7,9 +7,9 @@
 #include <ctime>
 #include <sstream>
 
-#include "io/error.h"
-#include "io/number.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/text.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 

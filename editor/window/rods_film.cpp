@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "editor/session/memory_limit.h"
-#include "editor/session/scene_settings.h"
-#include "editor/simulation/carried_model.h"
 #include "editor/window/film_source.h"
-#include "io/rod_scene.h"
+#include "io/scene/rod_scene.h"
+#include "library/session/memory_limit.h"
+#include "library/session/scene_settings.h"
+#include "library/time/carried_model.h"
 
 namespace cellwarp
 {

@@ -4,7 +4,7 @@
 #include <array>
 #include <string>
 
-#include "io/lettering.h"
+#include "library/picture/lettering.h"
 
 namespace cellwarp
 {

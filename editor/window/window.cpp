@@ -17,7 +17,7 @@
 
 #include "editor/window/gl.h"
 #include "editor/window/style.h"
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

@@ -13,7 +13,7 @@
 #include <Eigen/Core>
 
 #include "editor/window/events.h"
-#include "io/image.h"
+#include "library/picture/image.h"
 
 struct GLFWwindow;
 

@@ -16,12 +16,12 @@
 
 #include <assimp/Importer.hpp>
 
-#include "io/descriptor.h"
-#include "io/error.h"
+#include "io/base/descriptor.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/base/program.h"
+#include "io/base/text.h"
 #include "io/import/imported.h"
-#include "io/number.h"
-#include "io/program.h"
-#include "io/text.h"
 
 namespace cellwarp
 {

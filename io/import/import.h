@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "io/geometry.h"
+#include "io/formats/geometry.h"
 
 namespace cellwarp
 {

@@ -26,7 +26,7 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
-#include "io/descriptor.h"
+#include "io/base/descriptor.h"
 #include "io/import/imported.h"
 
 namespace

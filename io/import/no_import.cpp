@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <iterator>
 
-#include "io/error.h"
-#include "io/text.h"
+#include "io/base/error.h"
+#include "io/base/text.h"
 
 namespace cellwarp
 {

@@ -5,12 +5,12 @@
 #include <memory>
 #include <string>
 
-#include "editor/session/scene_settings.h"
-#include "editor/session/session.h"
-#include "io/error.h"
-#include "io/geometry_file.h"
-#include "io/geometry_output.h"
-#include "io/handle_file.h"
+#include "io/base/error.h"
+#include "io/formats/geometry_file.h"
+#include "io/formats/geometry_output.h"
+#include "io/scene/handle_file.h"
+#include "library/session/scene_settings.h"
+#include "library/session/session.h"
 
 using namespace cellwarp;
 

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "io/error.h"
+#include "io/base/error.h"
 #include "tests/bench/scenes.h"
 
 int main(int argc, char** argv)

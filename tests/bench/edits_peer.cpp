@@ -22,13 +22,13 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
-#include "editor/session/scene_script.h"
-#include "editor/session/scene_settings.h"
-#include "editor/session/session.h"
-#include "editor/session/volume.h"
-#include "io/error.h"
-#include "io/face_triangles.h"
-#include "io/geometry_file.h"
+#include "io/base/error.h"
+#include "io/formats/face_triangles.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/scene_script.h"
+#include "library/session/scene_settings.h"
+#include "library/session/session.h"
+#include "library/session/volume.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"

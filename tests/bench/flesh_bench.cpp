@@ -11,9 +11,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "editor/flesh/flesh_simulation.h"
-#include "editor/session/scene_settings.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/scene_settings.h"
+#include "library/time/flesh_simulation.h"
 #include "octree/base/segment.h"
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/flesh.h"

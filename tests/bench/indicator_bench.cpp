@@ -10,11 +10,11 @@
 
 #include <fmt/format.h>
 
-#include "editor/session/session.h"
-#include "io/bytes.h"
-#include "io/error.h"
-#include "io/geometry_file.h"
-#include "io/handle_file.h"
+#include "io/base/bytes.h"
+#include "io/base/error.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/handle_file.h"
+#include "library/session/session.h"
 #include "octree/base/index.h"
 #include "solver/cells/refinement.h"
 

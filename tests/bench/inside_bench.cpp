@@ -13,9 +13,9 @@
 
 #include <fmt/format.h>
 
-#include "io/error.h"
-#include "io/geometry.h"
-#include "io/geometry_file.h"
+#include "io/base/error.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/hollows.h"
 #include "octree/lids.h"

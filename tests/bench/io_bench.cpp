@@ -7,9 +7,9 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
-#include "io/bytes.h"
-#include "io/geometry.h"
-#include "io/geometry_file.h"
+#include "io/base/bytes.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/shapes.h"
 
 namespace

@@ -15,8 +15,8 @@
 
 #include <benchmark/benchmark.h>
 
-#include "editor/simulation/simulation.h"
-#include "io/rod_scene.h"
+#include "io/scene/rod_scene.h"
+#include "library/time/simulation.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_refinement.h"

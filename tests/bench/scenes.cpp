@@ -9,12 +9,12 @@
 
 #include <fmt/format.h>
 
-#include "io/bytes.h"
-#include "io/error.h"
-#include "io/face_triangles.h"
-#include "io/geometry.h"
-#include "io/geometry_file.h"
-#include "io/number.h"
+#include "io/base/bytes.h"
+#include "io/base/error.h"
+#include "io/base/number.h"
+#include "io/formats/face_triangles.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::bench

@@ -15,9 +15,9 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
-#include "editor/session/drag.h"
-#include "io/geometry_file.h"
-#include "io/handle_file.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/handle_file.h"
+#include "library/session/drag.h"
 #include "octree/base/clock.h"
 #include "solver/cells/rigid_multigrid.h"
 #include "solver/minimize/newton.h"

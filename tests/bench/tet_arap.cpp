@@ -26,7 +26,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/index.h"
 
 namespace cellwarp::bench

@@ -16,7 +16,7 @@
 #include <CGAL/Polyhedral_mesh_domain_with_features_3.h>
 #include <CGAL/make_mesh_3.h>
 
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/index.h"
 
 namespace cellwarp::bench

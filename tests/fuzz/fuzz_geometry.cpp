@@ -6,9 +6,9 @@
 #include <cstdlib>
 #include <string>
 
-#include "io/error.h"
-#include "io/geometry.h"
-#include "io/geometry_file.h"
+#include "io/base/error.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 
 using namespace cellwarp;
 

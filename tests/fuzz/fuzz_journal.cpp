@@ -10,8 +10,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "io/error.h"
-#include "io/journal.h"
+#include "io/base/error.h"
+#include "io/journal/journal.h"
 #include "octree/base/index.h"
 
 using namespace cellwarp;

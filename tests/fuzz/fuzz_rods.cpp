@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <string>
 
-#include "editor/simulation/simulation.h"
-#include "io/error.h"
+#include "io/base/error.h"
+#include "library/time/simulation.h"
 
 using namespace cellwarp;
 

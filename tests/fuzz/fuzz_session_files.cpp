@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "io/error.h"
-#include "io/handle_file.h"
-#include "io/scene_file.h"
+#include "io/base/error.h"
+#include "io/scene/handle_file.h"
+#include "io/scene/scene_file.h"
 
 using namespace cellwarp;
 

@@ -7,8 +7,8 @@
 #include <map>
 #include <string>
 
-#include "io/error.h"
-#include "io/skeleton_file.h"
+#include "io/base/error.h"
+#include "io/scene/skeleton_file.h"
 
 using namespace cellwarp;
 

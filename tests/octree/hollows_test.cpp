@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "io/geometry.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 #include "octree/material.h"
 #include "tests/support/grids.h"
 #include "tests/support/pot.h"

@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 #include "octree/winding.h"

@@ -12,7 +12,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
 #include "octree/base/parallel.h"
 #include "octree/wrap/triangle_pair.h"
 #include "tests/support/shapes.h"

@@ -5,9 +5,9 @@
 
 #include <Eigen/LU>
 
-#include "io/face_triangles.h"
-#include "io/geometry.h"
-#include "io/geometry_file.h"
+#include "io/formats/face_triangles.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 
 namespace cellwarp::support
 {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tests/support/fields.h"
 
-#include "editor/session/session.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/session.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::support

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "io/geometry.h"
+#include "io/formats/geometry.h"
 
 namespace cellwarp::support
 {

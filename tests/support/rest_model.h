@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "editor/session/region_set.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/region_set.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::support

@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "io/geometry_file.h"
-#include "io/handle_file.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/handle_file.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::support

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "editor/session/session.h"
+#include "library/session/session.h"
 #include "tests/support/scripts.h"
 
 namespace cellwarp::support

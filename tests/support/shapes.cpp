@@ -11,7 +11,7 @@
 #include <Eigen/Geometry>
 #include <unistd.h>
 
-#include "io/number.h"
+#include "io/base/number.h"
 #include "octree/base/index.h"
 #include "octree/sheet.h"
 

@@ -12,7 +12,7 @@
 
 #include <Eigen/Core>
 
-#include "io/geometry.h"
+#include "io/formats/geometry.h"
 #include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 #include "octree/material.h"

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "io/error.h"
+#include "io/base/error.h"
 
 namespace cellwarp::support
 {

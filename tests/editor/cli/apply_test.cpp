@@ -12,11 +12,11 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "editor/apply/apply.h"
-#include "editor/apply/manifest.h"
-#include "editor/session/deformation.h"
-#include "io/geometry_file.h"
-#include "io/lzf.h"
+#include "io/base/lzf.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/deformation.h"
+#include "library/stream/apply.h"
+#include "library/stream/manifest.h"
 #include "octree/base/index.h"
 #include "tests/support/fields.h"
 #include "tests/support/program.h"

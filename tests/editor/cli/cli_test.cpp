@@ -6,9 +6,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "io/bytes.h"
-#include "io/geometry.h"
-#include "io/geometry_file.h"
+#include "io/base/bytes.h"
+#include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
 #include "octree/wrap/triangle_pair.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/index.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"

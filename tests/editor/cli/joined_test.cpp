@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/window/film.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 

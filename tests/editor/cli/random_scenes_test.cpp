@@ -11,7 +11,7 @@
 
 #include <sys/resource.h>
 
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/program.h"
 #include "tests/support/random_scene.h"
 #include "tests/support/sanitized.h"

@@ -12,9 +12,9 @@
 #include <gtest/gtest.h>
 
 #include "editor/cli/command.h"
-#include "editor/session/session.h"
-#include "io/error.h"
-#include "io/geometry_file.h"
+#include "io/base/error.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/session.h"
 #include "octree/base/parallel.h"
 #include "tests/support/random_scene.h"
 #include "tests/support/sanitized.h"

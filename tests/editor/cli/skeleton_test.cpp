@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "io/bytes.h"
-#include "io/geometry_file.h"
+#include "io/base/bytes.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/program.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"

@@ -13,8 +13,8 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/cli/sweep_page.h"
-#include "io/geometry_file.h"
-#include "io/number.h"
+#include "io/base/number.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 

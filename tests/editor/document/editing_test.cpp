@@ -9,9 +9,9 @@
 
 #include <gtest/gtest.h>
 
-#include "editor/session/deformation.h"
-#include "editor/session/scene_settings.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/deformation.h"
+#include "library/session/scene_settings.h"
 #include "octree/base/index.h"
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"

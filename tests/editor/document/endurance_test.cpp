@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 #include "editor/document/editing.h"
-#include "editor/session/scene_settings.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/scene_settings.h"
 #include "octree/base/clock.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/sanitized.h"

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/document/editing.h"
-#include "io/bytes.h"
+#include "io/base/bytes.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/document/editing.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
 #include "octree/base/index.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"

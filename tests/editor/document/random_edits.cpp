@@ -3,9 +3,9 @@
 
 #include <filesystem>
 
-#include "editor/session/session.h"
-#include "io/bytes.h"
-#include "io/error.h"
+#include "io/base/bytes.h"
+#include "io/base/error.h"
+#include "library/session/session.h"
 
 namespace cellwarp::support
 {

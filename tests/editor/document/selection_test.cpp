@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "io/geometry.h"
+#include "io/formats/geometry.h"
 
 namespace cellwarp
 {

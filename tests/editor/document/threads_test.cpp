@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 
 #include "editor/document/editing.h"
-#include "editor/session/scene_settings.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/scene_settings.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"
 

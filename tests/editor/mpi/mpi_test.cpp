@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "io/stored_number.h"
+#include "io/formats/stored_number.h"
 #include "tests/support/fields.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "io/handle_file.h"
+#include "io/scene/handle_file.h"
 #include "tests/editor/tools/desk.h"
 #include "tests/support/throws.h"
 

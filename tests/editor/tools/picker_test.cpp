@@ -12,7 +12,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "io/error.h"
+#include "io/base/error.h"
 #include "octree/base/parallel.h"
 #include "tests/editor/tools/shown.h"
 #include "tests/support/program.h"

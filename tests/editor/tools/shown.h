@@ -8,7 +8,7 @@
 #include <random>
 #include <utility>
 
-#include "editor/document/shape.h"
+#include "library/session/shape.h"
 #include "octree/material.h"
 
 namespace cellwarp::support

@@ -10,7 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "io/journal.h"
+#include "io/journal/journal.h"
 
 namespace cellwarp::support
 {

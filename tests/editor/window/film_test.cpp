@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/program.h"
 #include "tests/support/scripts.h"
 #include "tests/support/throws.h"

@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 
 #include "editor/window/film.h"
-#include "io/geometry_file.h"
-#include "io/scene_file.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/scene_file.h"
 #include "tests/editor/tools/desk.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"

@@ -16,7 +16,7 @@
 #include "editor/window/playback.h"
 #include "editor/window/warning_words.h"
 #include "editor/window/window.h"
-#include "io/error.h"
+#include "io/base/error.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

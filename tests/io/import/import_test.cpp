@@ -15,7 +15,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
 #include "tests/support/failing_calls.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"

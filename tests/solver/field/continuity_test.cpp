@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "editor/session/session.h"
-#include "io/geometry_file.h"
+#include "io/formats/geometry_file.h"
+#include "library/session/session.h"
 #include "octree/base/index.h"
 #include "tests/support/bodies.h"
 

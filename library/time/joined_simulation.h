@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Flesh with rods, bodies and nets in one scene: what joints hold together moves in one
+// system. [Capell02], [Lenoir04]
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io/formats/geometry.h"
+#include "io/scene/rod_scene.h"
+#include "io/scene/scene_file.h"
+#include "library/time/flesh_simulation.h"
+#include "library/time/simulation.h"
+
+namespace cellwarp
+{
+
+class JoinedSimulation
+{
+public:
+    /// Both stand at their start. Throws what FleshSimulation and Simulation throw, and
+    /// Fault::Malformed for what flesh cannot have where joints hold it.
+    JoinedSimulation(std::shared_ptr<const Geometry> geometry, const SceneFile& scene,
+                     const RodScene& rods, const CellSettings& cells,
+                     bool is_tight = false, const HandleFile& handles = {});
+    ~JoinedSimulation();
+
+    FleshSimulation& flesh() { return flesh_; }
+    const FleshSimulation& flesh() const { return flesh_; }
+    Simulation& rods() { return *rods_; }
+    const Simulation& rods() const { return *rods_; }
+    std::vector<std::string> warnings() const;
+
+    void step();
+    /// To the end of the next frame. \p watch: after each step.
+    void next_frame(const std::function<void()>& watch = {});
+
+private:
+    class Holder;
+    FleshSimulation flesh_;
+    std::unique_ptr<Holder> holder_; ///< of the flesh, for the rods
+    std::unique_ptr<Simulation> rods_;
+    std::vector<std::string> warnings_; ///< of the statements
+};
+
+} // namespace cellwarp
