@@ -19,7 +19,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 BallFlood::BallFlood(const VoxelGrid& grid, const VoxelFlags& marks, int most,
@@ -267,4 +267,4 @@ void BallFlood::flow()
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

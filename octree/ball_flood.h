@@ -15,7 +15,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A flood from outside by the middles of balls that hold no mark's middle, from voxel to
@@ -129,4 +129,4 @@ private:
     std::vector<std::uint8_t> free_, reached_; ///< of the voxels of the near blocks
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -129,4 +129,4 @@ BoundaryPoints::nearest(const Eigen::Vector3d& x,
     return nullptr;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

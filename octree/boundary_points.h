@@ -12,7 +12,7 @@
 #include "octree/base/point_tree.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The middle of a voxel that has one beside it that is not of the same material.
@@ -47,4 +47,4 @@ private:
     std::optional<PointTree> tree_; ///< of those
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/parallel.h"
 #include "octree/joined_samples.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -203,4 +203,4 @@ BoundingSurface bounding_surface(const Shape& shape)
     return surface;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "octree/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct BoundingSurface
@@ -20,4 +20,4 @@ struct BoundingSurface
 
 BoundingSurface bounding_surface(const Shape& shape);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -25,7 +25,7 @@
 #include "octree/base/parallel.h"
 #include "octree/voxel_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -239,4 +239,4 @@ Bridges find_bridges(const VoxelGrid& grid, const Pieces& pieces, const Notches&
     return bridges;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

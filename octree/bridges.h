@@ -13,7 +13,7 @@
 #include "octree/pieces.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Between two cells of different components, as a face is between cells that touch.
@@ -50,4 +50,4 @@ struct Bridges
 Bridges find_bridges(const VoxelGrid& grid, const Pieces& pieces, const Notches& notches,
                      std::span<const int> component, const std::vector<bool>& is_held);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -33,7 +33,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/union_find.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -572,4 +572,4 @@ std::vector<int> connected_components(const Cells& cells)
     return number;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

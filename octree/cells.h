@@ -14,7 +14,7 @@
 #include "octree/sheet.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// One rigid body, made of one piece. Lengths in the units of the grid.
@@ -90,4 +90,4 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
 /// their first cells.
 std::vector<int> connected_components(const Cells& cells);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

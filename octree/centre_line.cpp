@@ -9,7 +9,7 @@
 #include "octree/base/point_tree.h"
 #include "octree/curve_graph.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -74,4 +74,4 @@ CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& nea
     return line;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

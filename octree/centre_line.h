@@ -9,7 +9,7 @@
 
 #include "octree/material.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A line in the middle of a shape, smoothed, from where a limb begins to its tip.
@@ -25,4 +25,4 @@ struct CentreLine
 /// no such line, and in a build without CGAL.
 CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& near);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

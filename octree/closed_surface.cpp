@@ -15,7 +15,7 @@
 #include "octree/winding.h"
 #include "octree/wrap/wrap.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -77,4 +77,4 @@ std::vector<std::function<Shape()>> closed_surfaces(const Shape& shape,
     return ways;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "octree/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Ways to a closed surface of \p shape, the most faithful first; each may fail, which
@@ -20,4 +20,4 @@ namespace cellwarp
 std::vector<std::function<Shape()>> closed_surfaces(const Shape& shape,
                                                     std::size_t most_triangles);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

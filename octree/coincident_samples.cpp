@@ -11,7 +11,7 @@
 #include "octree/base/hash.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -93,4 +93,4 @@ CoincidentSamples::of(std::span<const std::uint32_t> listed) const
     return all;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Samples of a model that are no farther apart are at one place [diagonal].
@@ -40,4 +40,4 @@ private:
         hashes_; ///< of the cells, sorted
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

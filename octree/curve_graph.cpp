@@ -21,7 +21,7 @@
 #include "octree/closed_surface.h"
 #include "octree/winding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -534,4 +534,4 @@ std::vector<Eigen::Vector3d> CurveGraph::line(const std::vector<int>& way,
     return resampled(places, count);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

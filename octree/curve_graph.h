@@ -12,7 +12,7 @@
 #include "octree/material.h"
 #include "octree/wrap/skeleton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct CurveOptions
@@ -80,4 +80,4 @@ private:
     std::vector<std::vector<Eigen::Vector3d>> around_; ///< what came to each place
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

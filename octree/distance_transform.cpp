@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -197,4 +197,4 @@ void spread_labels(std::vector<std::int32_t>& labels, const Eigen::Vector3i& cou
     transform(d, labels.data(), counts);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Squared distance of every voxel to the nearest one that is not 0 in \p marks,
@@ -22,4 +22,4 @@ std::vector<float> squared_distances(const VoxelFlags& marks,
 /// has one; of equally near ones always the same. Nothing where none has.
 void spread_labels(std::vector<std::int32_t>& labels, const Eigen::Vector3i& counts);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/union_find.h"
 #include "octree/near_distances.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void spread(VoxelGrid& grid, const VoxelFlags& marks, double r)
@@ -341,4 +341,4 @@ void join_fragments(VoxelGrid& grid, int reach)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Adds to the material a ball of radius \p r [voxel] around each of \p marks: a sheet of
@@ -17,4 +17,4 @@ void spread(VoxelGrid& grid, const VoxelFlags& marks, double r);
 /// an edge only, and would not be glued.
 void join_fragments(VoxelGrid& grid, int reach);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/notches.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whether two voxels side by side are of one material and no open side is between them.
@@ -24,4 +24,4 @@ inline bool hold_together(const VoxelGrid& grid, const Notches& notches,
            !notches.is_open(std::min(at_a, at_b), axis);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

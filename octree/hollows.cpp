@@ -24,7 +24,7 @@
 #include "octree/base/index.h"
 #include "octree/near_distances.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -227,4 +227,4 @@ Hollows hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
     return found;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Which openings are closed, as radii [voxel].
@@ -34,4 +34,4 @@ Hollows hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
                       const Openings& openings,
                       const std::function<bool(std::size_t)>& may_fill);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/hash.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -75,4 +75,4 @@ std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& sa
     return joined;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,10 +7,10 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// For every sample the first of those at its very place.
 std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& samples);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/union_find.h"
 #include "octree/bounding_surface.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -88,4 +88,4 @@ Shape with_lids(const Shape& shape, double longest)
     return closed;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

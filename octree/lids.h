@@ -6,7 +6,7 @@
 
 #include "octree/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The shape with a fan over each loop of open edges that is not longer than \p longest:
@@ -16,4 +16,4 @@ namespace cellwarp
 Shape with_lids(const Shape& shape,
                 double longest = std::numeric_limits<double>::infinity());
 
-} // namespace cellwarp
+} // namespace cellwarp::core

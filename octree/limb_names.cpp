@@ -11,7 +11,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -230,4 +230,4 @@ std::vector<std::string> limb_names(const std::vector<LimbJoint>& joints, char u
     return Names(joints, up).all();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "octree/limb_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// "root", then "limb3.2": the second joint of the third limb; where the limb has a
@@ -18,4 +18,4 @@ namespace cellwarp
 /// where that is not clear the side of x; of y if x points upwards.
 std::vector<std::string> limb_names(const std::vector<LimbJoint>& joints, char up = 'y');
 
-} // namespace cellwarp
+} // namespace cellwarp::core

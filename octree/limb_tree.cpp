@@ -24,7 +24,7 @@
 #include "octree/mirror_plane.h"
 #include "octree/mirrored_limbs.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -401,4 +401,4 @@ std::vector<LimbJoint> limb_tree(const Shape& shape, const LimbOptions& options)
     return symmetric(shape, graph, Tree(graph, options).grow());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "octree/material.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct LimbJoint
@@ -41,4 +41,4 @@ inline constexpr double kLongBone = 6.0;
 /// are as well, to rounding. Empty where there is no centre line.
 std::vector<LimbJoint> limb_tree(const Shape& shape, const LimbOptions& options = {});
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "octree/touching.h"
 #include "octree/winding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -273,4 +273,4 @@ const char* inside_name(InsideMethod method)
     return "none";
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

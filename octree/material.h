@@ -14,7 +14,7 @@
 #include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class Fill
@@ -78,4 +78,4 @@ double share_near(const VoxelGrid& grid);
 /// there are fewer than two places.
 double point_spacing(std::span<const Eigen::Vector3d> points);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -171,4 +171,4 @@ VoxelRuns MaterialBlocks::runs_of(std::span<const Bits> blocks) const
     return VoxelRuns(std::move(runs));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

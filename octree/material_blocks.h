@@ -17,7 +17,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_runs.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The parts of the material inside the blocks: of one material, connected inside their
@@ -122,4 +122,4 @@ inline int bit_of_place(const Eigen::Vector3i& place)
     return place.x() + 4 * place.y() + 16 * place.z();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

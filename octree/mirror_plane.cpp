@@ -16,7 +16,7 @@
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -215,4 +215,4 @@ std::vector<MirrorPlane> mirror_planes(const std::vector<Vector3d>& samples)
                               : PlaneSearch(samples).planes();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

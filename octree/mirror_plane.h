@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct MirrorPlane
@@ -31,4 +31,4 @@ struct MirrorPlane
 /// those of them that are found are in the list. Depends on the samples alone.
 std::vector<MirrorPlane> mirror_planes(const std::vector<Eigen::Vector3d>& samples);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

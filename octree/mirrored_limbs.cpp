@@ -14,7 +14,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -242,4 +242,4 @@ mirrored_limbs(const std::vector<LimbJoint>& joints, const MirrorPlane& plane,
                           : Mirrored(joints, plane, tolerance, is_inside).joints();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "octree/limb_tree.h"
 #include "octree/mirror_plane.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The tree with its middle joints in \p plane, and of each limb beside them one and its
@@ -22,4 +22,4 @@ mirrored_limbs(const std::vector<LimbJoint>& joints, const MirrorPlane& plane,
                double tolerance,
                const std::function<bool(const Eigen::Vector3d&)>& is_inside);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

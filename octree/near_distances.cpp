@@ -16,7 +16,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -277,4 +277,4 @@ void shrink(VoxelFlags& set, const Eigen::Vector3i& counts, int reach)
                           });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

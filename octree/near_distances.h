@@ -11,7 +11,7 @@
 
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Squared distances up to a reach [voxel].
@@ -69,4 +69,4 @@ private:
 /// the grid there is none.
 void shrink(VoxelFlags& set, const Eigen::Vector3i& counts, int reach);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include <queue>
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -439,4 +439,4 @@ std::vector<VoxelRuns> NearestSamples::voxels_of(std::span<const std::uint32_t> 
     return voxels;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_runs.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The samples near each block of material. A sample reaches from block to block as far
@@ -68,4 +68,4 @@ private:
     std::vector<Label> nearest_;           ///< of each part: to the middle of its block
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/shared_marks.h"
 #include "octree/winding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -243,4 +243,4 @@ Notches find_notches(const Shape& shape, const BoundingSurface& surface,
     return Notches(grid, std::move(open_sides));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Of every voxel whether there is nothing in its upper side along each axis, though it
@@ -45,4 +45,4 @@ private:
 Notches find_notches(const Shape& shape, const BoundingSurface& surface,
                      const VoxelGrid& grid);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "octree/base/index.h"
 #include "octree/base/morton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Octree::Octree(const GridShape& shape, const MaterialTest& has_material)
@@ -298,4 +298,4 @@ MaterialTest material_test(const VoxelGrid& grid)
     };
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

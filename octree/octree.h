@@ -13,7 +13,7 @@
 #include "octree/base/index.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// An undivided box. Its corner and width are in units of the finest leaves.
@@ -105,4 +105,4 @@ struct VoxelBlock
 VoxelBlock voxel_block(const GridShape& shape, const Leaf& leaf);
 bool is_in(const VoxelBlock& block, const Eigen::Vector3i& voxel);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

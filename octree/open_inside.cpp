@@ -19,7 +19,7 @@
 #include "octree/sealed_inside.h"
 #include "octree/surface_marks.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -310,4 +310,4 @@ OpenInside open_inside(const VoxelGrid& grid, const VoxelFlags& marks,
     return found;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct OpenInside
@@ -32,4 +32,4 @@ int inside_scale(const GridShape& shape);
 /// The grid of those over a grid of \p shape.
 GridShape inside_grid(const GridShape& shape);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

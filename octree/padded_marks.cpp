@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/padded_marks.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 PaddedMarks::PaddedMarks(const VoxelGrid& grid, const VoxelFlags& marks, int border,
@@ -20,4 +20,4 @@ PaddedMarks::PaddedMarks(const VoxelGrid& grid, const VoxelFlags& marks, int bor
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class PaddedMarks
@@ -53,4 +53,4 @@ private:
     VoxelFlags marks_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -30,7 +30,7 @@
 #include "octree/joined_samples.h"
 #include "octree/winding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -736,4 +736,4 @@ Material material_of_parts(const Shape& shape, const BoundingSurface& surface,
     return material;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

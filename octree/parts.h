@@ -13,7 +13,7 @@
 #include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Parts
@@ -48,4 +48,4 @@ bool may_have_parts(const Shape& shape, const BoundingSurface& surface);
 Material material_of_parts(const Shape& shape, const BoundingSurface& surface,
                            const GridShape& grid_shape, Fill fill, Parts& parts);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

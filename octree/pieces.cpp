@@ -11,7 +11,7 @@
 #include "octree/base/union_find.h"
 #include "octree/hold_together.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -356,4 +356,4 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree, const Notches& n
     return PieceFinder(grid, octree, notches).found(&other, &of_other);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

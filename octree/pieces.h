@@ -13,7 +13,7 @@
 #include "octree/octree.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Sorted by leaf; within a leaf by first voxel. Crumbs, pieces too small to be bodies
@@ -199,4 +199,4 @@ void Pieces::for_each_run(const VoxelGrid& grid, const VoxelBlock& block, LeafNu
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "octree/base/index.h"
 #include "octree/near_distances.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -117,4 +117,4 @@ VoxelFlags SealedInside::voxels(const std::function<bool(std::size_t)>& may_fill
     return is_inside;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

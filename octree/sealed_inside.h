@@ -10,7 +10,7 @@
 #include "octree/voxel_grid.h"
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What marks (not 0) enclose once openings up to a radius are closed: the smallest
@@ -35,4 +35,4 @@ private:
     int radius_ = -1;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -32,7 +32,7 @@
 #include "octree/surface_patches.h"
 #include "octree/wrap/triangle_pair.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -366,7 +366,7 @@ private:
         const Eigen::Vector3d normal = a.cross(b);
         const bool is_sure =
             normal.squaredNorm() > kSure * kSure * a.squaredNorm() * b.squaredNorm();
-        return is_sure ? cellwarp::views_of(normal) : 0;
+        return is_sure ? cellwarp::core::views_of(normal) : 0;
     }
 
     bool is_parted(std::uint32_t sample) const
@@ -723,4 +723,4 @@ IntersectionCounter::count(const std::vector<Eigen::Vector3d>& places) const
     return Count(*this, places)();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

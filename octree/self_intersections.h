@@ -10,7 +10,7 @@
 
 #include "octree/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class SurfacePatches;
@@ -52,4 +52,4 @@ private:
     std::unique_ptr<const SurfacePatches> patches_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Triangle = std::array<std::uint32_t, 3>;
@@ -25,4 +25,4 @@ struct Shape
     bool is_cloud() const { return triangles.empty() && lines.empty(); }
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

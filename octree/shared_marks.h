@@ -13,7 +13,7 @@
 
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class SharedMarks
@@ -57,4 +57,4 @@ private:
     std::vector<std::atomic<bool>> is_written_; ///< of each page
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

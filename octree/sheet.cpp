@@ -29,7 +29,7 @@
 #include "octree/joined_samples.h"
 #include "octree/winding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -595,4 +595,4 @@ Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
     return sheets;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

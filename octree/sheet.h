@@ -12,7 +12,7 @@
 #include "octree/material.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A part of a sheet within one finest leaf.
@@ -50,4 +50,4 @@ struct Sheets
 Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
                    const Material& material, double thickness);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -23,7 +23,7 @@
 #include "octree/base/parallel.h"
 #include "octree/shared_marks.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -453,4 +453,4 @@ VoxelFlags beyond_marks(VoxelFlags is_inside, const VoxelFlags& marks)
     return is_inside;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How the surface touches one voxel. A face of the shape that lies in the plane between
@@ -33,4 +33,4 @@ VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid);
 /// What is inside and not touched by the surface.
 VoxelFlags beyond_marks(VoxelFlags is_inside, const VoxelFlags& marks);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -28,7 +28,7 @@
 #include "octree/base/hash.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -479,4 +479,4 @@ bool ContourView::are_nested_once()
     return true;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 
 #include "octree/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Triangles in an order, some hundreds in a patch, four patches in one of the next
@@ -146,4 +146,4 @@ private:
     double size_ = 0.0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

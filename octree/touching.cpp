@@ -18,7 +18,7 @@
 #include "octree/base/parallel.h"
 #include "octree/surface_marks.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -160,4 +160,4 @@ void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
         });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Sets the material of \p grid, given the SurfaceMark bits of every voxel and whether it
@@ -16,4 +16,4 @@ namespace cellwarp
 void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
                      const VoxelFlags& is_inside);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -156,4 +156,4 @@ Eigen::Vector3d VoxelGrid::centre(const Eigen::Vector3i& v) const
     return x;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

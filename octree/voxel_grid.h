@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "octree/voxel_values.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How the box of a shape is cut into leaves and voxels. All leaves are cubes, which may
@@ -161,4 +161,4 @@ private:
     VoxelFlags material_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

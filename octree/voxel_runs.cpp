@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 VoxelRuns::VoxelRuns(std::vector<Run> runs) : runs_(std::move(runs))
@@ -54,4 +54,4 @@ VoxelRuns united(const VoxelRuns& a, const VoxelRuns& b)
     return VoxelRuns(std::move(runs));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

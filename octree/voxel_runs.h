@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class VoxelRuns
@@ -75,4 +75,4 @@ private:
 /// What is in either.
 VoxelRuns united(const VoxelRuns& a, const VoxelRuns& b);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -145,4 +145,4 @@ void VoxelTree::search(const Eigen::Vector3i& voxel, int node, std::int64_t& bes
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A tree of boxes over a copy of some voxels. Immutable, safe for many threads.
@@ -47,4 +47,4 @@ private:
     std::vector<Node> nodes_; ///< the first one holds all
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

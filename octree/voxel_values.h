@@ -18,7 +18,7 @@
 
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All 0 at first.
@@ -201,4 +201,4 @@ void parallel_for_each_set(const VoxelValues<Value>& values, Visit&& visit)
                     { for_each_set(values, begin, end, visit); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

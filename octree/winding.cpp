@@ -19,7 +19,7 @@
 #include "octree/base/parallel.h"
 #include "octree/wrap/side.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// [VanOosterom83]
@@ -336,4 +336,4 @@ std::vector<char> sides_inside(const Shape& shape, const std::vector<Triangle>& 
     return is_inside;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

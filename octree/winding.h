@@ -9,7 +9,7 @@
 #include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How often a surface winds around a place: the solid angles of all triangles there, as
@@ -32,4 +32,4 @@ std::vector<char> sides_inside(const Shape& shape, const std::vector<Triangle>& 
                                const VoxelGrid& grid, int axis,
                                const std::vector<std::size_t>& voxels);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

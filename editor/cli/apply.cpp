@@ -17,7 +17,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -382,4 +382,4 @@ void add_apply(CLI::App& app, CommonFlags& common, int& exit_code)
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

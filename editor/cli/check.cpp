@@ -16,7 +16,7 @@
 #include "library/session/body.h"
 #include "octree/self_intersections.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -68,7 +68,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     const std::optional<RodFacts> rods = facts_of_rods(flags.model);
     if (rods && rods->are_all)
         return check_rods(flags, *rods, common);
-    const bool has_flesh = cellwarp::has_flesh(time_scene_of(flags.model));
+    const bool has_flesh = cellwarp::core::has_flesh(time_scene_of(flags.model));
     SessionRequest request = read_request(flags, has_flesh);
     const auto geometry = std::make_shared<const Geometry>(
         read_geometry(request.model, request.read).geometry);
@@ -144,4 +144,4 @@ void add_check(CLI::App& app, CommonFlags& common, int& exit_code)
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

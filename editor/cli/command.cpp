@@ -20,7 +20,7 @@
 #include "library/session/scene_settings.h"
 #include "library/study/sweep.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -404,4 +404,4 @@ AnimationFile::NormalsOf normals_to_write(const std::string& output,
                                          : AnimationFile::NormalsOf();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

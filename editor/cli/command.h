@@ -20,7 +20,7 @@
 #include "library/session/session.h"
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// An object begins as Json::object(): a null that becomes one by its first key is not
@@ -175,4 +175,4 @@ private:
     Clock::time_point last_ = {};
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

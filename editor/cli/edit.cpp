@@ -11,7 +11,7 @@
 #include "io/base/error.h"
 #include "io/base/program.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -59,4 +59,4 @@ void add_edit(CLI::App& app, CommonFlags& common)
     command->callback([file, &common] { run(*file, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

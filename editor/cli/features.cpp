@@ -12,7 +12,7 @@
 #include "editor/cli/skeleton.h"
 #endif
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& common,
@@ -103,4 +103,4 @@ std::optional<Pictures> make_pictures()
 #endif
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

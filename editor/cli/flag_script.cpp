@@ -12,7 +12,7 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -118,4 +118,4 @@ HandleFile FlagScript::handles() const
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "io/scene/handle_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// --fix, --handle, --move and --relative.
@@ -36,4 +36,4 @@ private:
     bool is_relative_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "library/time/flesh_simulation.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -248,4 +248,4 @@ std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
     return std::make_unique<FleshInTime>(scene, options);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

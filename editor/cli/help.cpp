@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <sstream>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -101,4 +101,4 @@ std::shared_ptr<CLI::FormatterBase> help_formatter()
     return std::make_shared<WrappingFormatter>();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

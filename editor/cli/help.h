@@ -7,7 +7,7 @@
 
 #include <CLI/CLI.hpp>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Widest line of the help [columns].
@@ -22,4 +22,4 @@ std::string wrapped(const std::string& text, std::size_t first = 0,
 /// Wraps all that it prints.
 std::shared_ptr<CLI::FormatterBase> help_formatter();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "editor/cli/command.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class InTime
@@ -117,4 +117,4 @@ FleshFacts flesh_of_scene(const std::string& scene, const HandleFile& handles,
 /// The subcommand simulate.
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

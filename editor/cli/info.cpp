@@ -20,7 +20,7 @@
 #include "library/session/scene_script.h"
 #include "library/study/sweep.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -354,4 +354,4 @@ void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

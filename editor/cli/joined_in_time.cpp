@@ -8,7 +8,7 @@
 #include "io/scene/rod_scene.h"
 #include "library/time/joined_simulation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -134,4 +134,4 @@ std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
     return std::make_unique<JoinedInTime>(scene, options);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

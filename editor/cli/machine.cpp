@@ -4,7 +4,7 @@
 #include <fstream>
 #include <thread>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -41,4 +41,4 @@ Machine this_machine()
             compiler_name(), CELLWARP_BUILD_TYPE, CELLWARP_VERSION};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

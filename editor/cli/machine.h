@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Machine
@@ -16,4 +16,4 @@ struct Machine
 
 Machine this_machine();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -28,7 +28,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 /// Outputs appear by a rename, so ending at once loses nothing.
 extern "C" void end_at_signal(int signal)

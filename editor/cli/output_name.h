@@ -10,7 +10,7 @@
 #include "io/base/near_word.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// "out-{frame:04}.ply": a name for each frame, or one name for the last.
@@ -64,4 +64,4 @@ private:
     bool has_frame_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

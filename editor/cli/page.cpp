@@ -3,7 +3,7 @@
 
 #include "editor/cli/plot.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -46,4 +46,4 @@ std::string html_page(const std::string& title, const std::string& body)
            "</style>\n</head>\n<body>\n" + body + "</body>\n</html>\n";
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

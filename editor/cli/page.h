@@ -5,10 +5,10 @@
 
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A whole page. \p title: plain text; \p body: markup.
 std::string html_page(const std::string& title, const std::string& body);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

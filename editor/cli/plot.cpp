@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -353,4 +353,4 @@ std::string svg_of(const LogPlot& plot)
     return svg + "</svg>\n";
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Text as it may stand in a page or a plot, also within quotes.
@@ -46,4 +46,4 @@ struct LogPlot
 /// Points that no logarithm has (zero, negative, not finite) are left out.
 std::string svg_of(const LogPlot& plot);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

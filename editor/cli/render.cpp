@@ -13,7 +13,7 @@
 #include "io/formats/geometry_file.h"
 #include "library/picture/figures.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -300,4 +300,4 @@ void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

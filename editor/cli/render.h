@@ -4,7 +4,7 @@
 
 #include "editor/cli/command.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void add_render(CLI::App& app, CommonFlags& common, int& exit_code);
@@ -12,4 +12,4 @@ void add_render(CLI::App& app, CommonFlags& common, int& exit_code);
 /// Figures of reports: see make_pictures().
 Pictures rendered_pictures();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

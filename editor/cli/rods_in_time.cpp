@@ -15,7 +15,7 @@
 #include "library/time/carried_model.h"
 #include "library/time/simulation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -391,4 +391,4 @@ RodFacts facts_of_rod_scene(const std::string& path)
     return facts;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

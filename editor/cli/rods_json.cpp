@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -83,4 +83,4 @@ std::string rods_text(const std::vector<RodReport>& rods)
     return text;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "editor/cli/command.h"
 #include "library/session/rod_report.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Points are where the rod's frame has them, forces what holds them there.
@@ -17,4 +17,4 @@ Json rods_json(const std::vector<RodReport>& rods);
 /// A few lines a rod or curve: what it carries, its points, its pins.
 std::string rods_text(const std::vector<RodReport>& rods);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

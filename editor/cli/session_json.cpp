@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Json unused_parts(const PartCounts& parts)
@@ -162,4 +162,4 @@ Json frame_json(const FrameReport& report)
               {"field_apply", report.apply_ms}}}};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

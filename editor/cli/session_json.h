@@ -8,7 +8,7 @@
 #include "editor/cli/command.h"
 #include "library/session/session.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Json frame_json(const FrameReport& report);
@@ -26,4 +26,4 @@ std::string parts_text(const std::optional<Parts>& parts);
 /// What the session had no need of.
 Json unused_parts(const PartCounts& parts);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "library/session/peak_memory.h"
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -354,4 +354,4 @@ void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
     command->callback([=, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

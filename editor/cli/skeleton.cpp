@@ -19,7 +19,7 @@
 #include "octree/base/index.h"
 #include "octree/limb_names.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -265,4 +265,4 @@ void add_skeleton(CLI::App& app, CommonFlags& common, int& exit_code)
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,9 +5,9 @@
 
 #include "editor/cli/command.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void add_skeleton(CLI::App& app, CommonFlags& common, int& exit_code);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::vector<SkinShares> skin_shares(const std::vector<Eigen::Vector3d>& samples,
@@ -62,4 +62,4 @@ std::vector<SkinShares> skin_shares(const std::vector<Eigen::Vector3d>& samples,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

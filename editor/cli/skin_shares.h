@@ -8,7 +8,7 @@
 
 #include "io/scene/skinned_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The joint whose bones are nearest has a sample, and shares it with the joint before
@@ -17,4 +17,4 @@ namespace cellwarp
 std::vector<SkinShares> skin_shares(const std::vector<Eigen::Vector3d>& samples,
                                     const std::vector<SkeletonJoint>& joints);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

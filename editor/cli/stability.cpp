@@ -22,7 +22,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -394,4 +394,4 @@ std::string stability_page(const std::vector<StabilityRow>& rows)
     return html_page("Stability", body + "</p>\n");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "editor/cli/command.h"
 #include "editor/cli/stability_scenes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A scene that is there as files.
@@ -60,4 +60,4 @@ std::string stability_page(const std::vector<StabilityRow>& rows);
 /// What came out, one a sentence.
 std::vector<std::string> stability_sentences(const std::vector<StabilityRow>& rows);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "editor/cli/command.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -320,4 +320,4 @@ std::vector<ExtremeScene> extreme_scenes(std::int64_t long_steps)
     return scenes;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

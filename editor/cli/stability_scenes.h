@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A file of a scene, beside it.
@@ -39,4 +39,4 @@ struct ExtremeScene
 /// in one thing. \p long_steps: of the longest run in time.
 std::vector<ExtremeScene> extreme_scenes(std::int64_t long_steps);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "io/base/text.h"
 #include "io/scene/time_settings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -491,4 +491,4 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "editor/cli/plot.h"
 #include "io/base/base64.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -403,4 +403,4 @@ std::string sweep_page(const SweepReport& report, const SweepPictures& pictures)
     return html_page(report.scene + ": error against run time", page);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "editor/cli/sweep_report.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Pictures of a sweep: one PNG file's bytes, and what stands in it from left to right.
@@ -19,4 +19,4 @@ struct SweepPictures
 
 std::string sweep_page(const SweepReport& report, const SweepPictures& pictures);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -401,4 +401,4 @@ std::string settings_text(const SweepReport& report)
         settings.session.max_iterations, settings.runs);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

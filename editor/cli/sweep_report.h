@@ -11,7 +11,7 @@
 #include "library/study/convergence.h"
 #include "library/study/sweep.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All that a report is made of.
@@ -42,4 +42,4 @@ std::vector<std::string> sweep_sentences(const SweepReport& report);
 /// "fill solid, 32 cells across, ..."
 std::string settings_text(const SweepReport& report);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

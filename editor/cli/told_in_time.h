@@ -11,7 +11,7 @@
 #include "io/scene/scene_file.h"
 #include "library/session/body.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class FleshSimulation;
@@ -62,4 +62,4 @@ FilmFrame seen_of_flesh(const FleshSimulation& simulation,
                         const std::vector<Eigen::Vector3d>& samples);
 PartCounts parts_of_flesh(const FleshSimulation& simulation);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "library/session/scene_script.h"
 #include "library/session/spline_region.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -754,4 +754,4 @@ void Document::close(const std::string& view, Unsaved unsaved)
     s.history.close(view);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -24,7 +24,7 @@
 #include "io/scene/scene_file.h"
 #include "library/session/work_frame.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The part of a scene that is saved.
@@ -183,4 +183,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

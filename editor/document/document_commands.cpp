@@ -10,7 +10,7 @@
 #include "library/session/scene_settings.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -491,4 +491,4 @@ void Document::change_settings(const SceneSettings& settings)
     s.push({"Change settings", {SettingsChange{s.edited.settings, settings}}});
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -23,7 +23,7 @@
 #include "octree/base/index.h"
 #include "octree/coincident_samples.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 inline Error usage(const std::string& what)
@@ -374,4 +374,4 @@ struct Document::State
     bool find_left();
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

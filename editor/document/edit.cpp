@@ -6,7 +6,7 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -142,4 +142,4 @@ void take_back(const Edit& edit, Edited& edited)
         std::visit(Applying(edit, edited, true), *change);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

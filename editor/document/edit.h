@@ -13,7 +13,7 @@
 #include "io/scene/handle_file.h"
 #include "io/scene/scene_settings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Samples that are selected where they were not, and the other way round.
@@ -83,4 +83,4 @@ void take_back(const Edit& edit, Edited& edited);
 std::string edit_text(const Edit& edit);
 Edit parse_edit(std::string_view text, const std::string& where);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -198,4 +198,4 @@ Edit parse_edit(std::string_view text, const std::string& where)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "library/session/spline_holds.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -457,4 +457,4 @@ std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placemen
     return frames;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "library/session/spline_handle.h"
 #include "octree/coincident_samples.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where a region has been moved to from its rest shape: turned about its pivot, then
@@ -211,4 +211,4 @@ bool is_at(const EditedRegion& region, const Placement& placement);
 std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placement& to,
                                       std::int64_t number, const RegionGround& ground);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "library/session/scene_settings.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -855,4 +855,4 @@ ExportStatus Editing::export_status() const
     return state_->field ? state_->field->status() : ExportStatus();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "library/session/live_drag.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What came of a centre line.
@@ -123,4 +123,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "io/formats/field_file.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct FieldExport::State
@@ -125,4 +125,4 @@ ExportStatus FieldExport::status() const
     return state_->status;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "io/base/bytes.h"
 #include "library/session/session.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How far a field is.
@@ -50,4 +50,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -134,4 +134,4 @@ void History::move_to(std::size_t position)
     position_ = position;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "editor/document/edit.h"
 #include "io/journal/journal.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class History
@@ -81,4 +81,4 @@ private:
     std::size_t position_ = 0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "io/base/error.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -90,4 +90,4 @@ JournalHeader parse_header(std::string_view text, const std::string& path)
     return header;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

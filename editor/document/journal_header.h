@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct JournalHeader
@@ -22,4 +22,4 @@ std::string header_text(const JournalHeader& header);
 /// Throws Fault::Malformed; \p path names the journal.
 JournalHeader parse_header(std::string_view text, const std::string& path);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -147,4 +147,4 @@ std::vector<OnStatement> ons_of(const Json& json)
     return ons;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "editor/document/selection.h"
 #include "io/scene/handle_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 // Each throws what nlohmann::json throws, std::invalid_argument, or Fault::Malformed.
@@ -21,4 +21,4 @@ std::vector<OnStatement> ons_of(const nlohmann::ordered_json& json);
 /// First and last of every run, one after the other.
 std::vector<SampleRun> runs_of(const nlohmann::ordered_json& json);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

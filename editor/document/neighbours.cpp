@@ -15,7 +15,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -200,4 +200,4 @@ Neighbours::Neighbours(const Geometry& geometry, std::span<const Eigen::Vector3d
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Immutable.
@@ -36,4 +36,4 @@ private:
     std::vector<std::uint32_t> neighbours_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -153,4 +153,4 @@ Selection connected(const Selection& selection, const Neighbours& neighbours)
     return result;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "editor/document/neighbours.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// First and last sample of consecutive ones.
@@ -62,4 +62,4 @@ Selection shrunk(const Selection& selection, const Neighbours& neighbours);
 /// With everything that can be reached from it.
 Selection connected(const Selection& selection, const Neighbours& neighbours);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

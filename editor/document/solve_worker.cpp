@@ -15,7 +15,7 @@
 #include "octree/base/index.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -421,4 +421,4 @@ bool SolveWorker::is_busy() const
         [&] { return state_->worker.is_working() || state_->worker.is_asked(); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

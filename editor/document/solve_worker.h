@@ -16,7 +16,7 @@
 #include "library/session/session.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The figures of a result.
@@ -105,4 +105,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

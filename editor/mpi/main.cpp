@@ -21,7 +21,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 struct Flags
 {

@@ -10,7 +10,7 @@
 #include "io/base/error.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Ranks::Ranks(int& argc, char**& argv)
@@ -85,4 +85,4 @@ std::uint64_t Ranks::sum(std::uint64_t value) const
     return all;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

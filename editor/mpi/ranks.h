@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All processes of the run. MPI lives as long as this does.
@@ -37,4 +37,4 @@ private:
     std::uint64_t rank_ = 0, count_ = 1;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/formats/part_patch.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -107,4 +107,4 @@ std::pair<std::uint64_t, std::uint64_t> share_of(std::uint64_t begin, std::uint6
     return {start(i), start(i + 1)};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

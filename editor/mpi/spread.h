@@ -10,7 +10,7 @@
 #include "io/formats/ply.h"
 #include "library/session/deformation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A PLY whose vertices can be found without being read.
@@ -47,4 +47,4 @@ private:
 std::pair<std::uint64_t, std::uint64_t> share_of(std::uint64_t begin, std::uint64_t end,
                                                  std::uint64_t i, std::uint64_t count);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,8 +12,8 @@
 namespace
 {
 
-using cellwarp::large_heap;
-using cellwarp::LargeHeap;
+using cellwarp::core::large_heap;
+using cellwarp::core::LargeHeap;
 
 void* taken(std::size_t bytes, std::size_t alignment)
 {

@@ -17,7 +17,7 @@
 #include "io/base/error.h"
 #include "solver/linear/cholesky.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -107,4 +107,4 @@ int MemoryGuard::main(int (*run)(int, char**), int argc, char** argv) const
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 // cannot say so.
 #pragma once
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// To be made before main(), by a static variable of the highest priority: from then on
@@ -26,4 +26,4 @@ public:
     int main(int (*run)(int, char**), int argc, char** argv) const;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -344,4 +344,4 @@ double Camera::pixel_size(const Eigen::Vector3d& point) const
     return std::max(depth, kNearPlane * distance_) / focal();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A ray in view space.
@@ -96,4 +96,4 @@ private:
     bool is_perspective_ = true;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

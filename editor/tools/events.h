@@ -2,7 +2,7 @@
 // What the user's hands do, as plain values that any window can make.
 #pragma once
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class Button
@@ -63,4 +63,4 @@ enum class Navigation
     Maya     ///< Alt with left, middle, right button: orbit, pan, zoom
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

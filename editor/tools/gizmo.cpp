@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -210,4 +210,4 @@ std::optional<std::size_t> gizmo_part_at(std::span<const GizmoPart> parts,
     return best;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

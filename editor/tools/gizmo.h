@@ -11,7 +11,7 @@
 
 #include "editor/tools/camera.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How a gizmo's part looks now, for whoever draws it: lines in view space.
@@ -56,4 +56,4 @@ std::optional<std::size_t> gizmo_part_at(std::span<const GizmoPart> parts,
 /// Whether a closed line on the screen goes round a pixel, an odd number of times.
 bool is_inside(std::span<const Eigen::Vector2d> line, const Eigen::Vector2d& pixel);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 
 #include "editor/tools/gizmo.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -227,4 +227,4 @@ Placement moved(const Placement& start, const Eigen::Vector3d& shift,
     return result;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "editor/document/document.h"
 #include "editor/tools/camera.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What the pointer's motion is turned into.
@@ -88,4 +88,4 @@ private:
 Placement moved(const Placement& start, const Eigen::Vector3d& shift,
                 const Eigen::Vector3d& axis, double degrees);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

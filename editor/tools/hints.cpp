@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::string next_step(const Document& document, const Progress& progress)
@@ -36,4 +36,4 @@ std::string next_step(const Document& document, const Progress& progress)
                : "Press G to move it and R to turn it, or 5 for its arrows";
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

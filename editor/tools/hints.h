@@ -7,7 +7,7 @@
 #include "editor/document/document.h"
 #include "editor/tools/events.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How far a user has come with a document.
@@ -21,4 +21,4 @@ struct Progress
 /// Empty for who has bent a shape before, or opened one that is bent.
 std::string next_step(const Document& document, const Progress& progress);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

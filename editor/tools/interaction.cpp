@@ -10,7 +10,7 @@
 #include "editor/tools/hints.h"
 #include "editor/tools/interaction_state.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Interaction::Interaction(Editing& editing) : state_(std::make_unique<State>(editing)) {}
@@ -372,4 +372,4 @@ bool Interaction::is_busy() const
            state_->editing.shows_film();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "editor/tools/gizmo.h"
 #include "editor/tools/keys.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What a click would pick.
@@ -151,4 +151,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "editor/tools/interaction_state.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -253,4 +253,4 @@ void Interaction::State::frame(const Selection& selection)
     camera.frame(low, high);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 #include "editor/tools/interaction_state.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -449,4 +449,4 @@ void Interaction::State::cancel()
     spread.reset();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "editor/tools/interaction_state.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -192,4 +192,4 @@ void Interaction::State::remove_point()
     active_point.reset();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

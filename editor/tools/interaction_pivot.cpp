@@ -7,7 +7,7 @@
 
 #include "editor/tools/interaction_state.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -185,4 +185,4 @@ std::optional<SeenPivot> Interaction::seen_pivot() const
     return SeenPivot{s.place_of(s.pivot_of(*region), *region), {}};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -21,7 +21,7 @@
 #include "io/base/error.h"
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// One gesture at a time. Buttons and keys act at once; where the pointer is counts when
@@ -280,4 +280,4 @@ struct Interaction::State
     void frame(const Selection& selection);
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

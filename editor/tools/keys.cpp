@@ -6,7 +6,7 @@
 #include <array>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -215,4 +215,4 @@ std::vector<KeyHelp> key_help(Navigation navigation)
     return lines;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "editor/tools/events.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class Command
@@ -80,4 +80,4 @@ struct KeyHelp
 /// All there is to know, for one way of looking around.
 std::vector<KeyHelp> key_help(Navigation navigation);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

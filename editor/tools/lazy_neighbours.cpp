@@ -4,7 +4,7 @@
 #include <chrono>
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -46,4 +46,4 @@ void LazyNeighbours::wait()
         neighbours_ = next_.get();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

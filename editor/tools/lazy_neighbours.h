@@ -9,7 +9,7 @@
 #include "editor/document/neighbours.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class LazyNeighbours
@@ -27,4 +27,4 @@ private:
     std::unique_ptr<const Neighbours> neighbours_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/tools/navigation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -55,4 +55,4 @@ void move_camera(Camera& camera, CameraMotion motion, const Eigen::Vector2d& fro
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

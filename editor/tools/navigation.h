@@ -9,7 +9,7 @@
 #include "editor/tools/camera.h"
 #include "editor/tools/events.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class CameraMotion
@@ -28,4 +28,4 @@ void move_camera(Camera& camera, CameraMotion motion, const Eigen::Vector2d& fro
                  const Eigen::Vector2d& to, const Eigen::Vector2d& start,
                  const std::optional<Eigen::Vector3d>& depth_point);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -286,4 +286,4 @@ std::vector<std::uint8_t> Picker::visible(std::span<const std::uint32_t> samples
     return result;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "editor/tools/camera.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where a ray meets the shape.
@@ -53,4 +53,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

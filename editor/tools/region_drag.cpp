@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -155,4 +155,4 @@ std::string RegionDrag::status() const
     return what + " " + how_much;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

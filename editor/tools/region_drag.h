@@ -13,7 +13,7 @@
 #include "editor/tools/gizmo_drag.h"
 #include "editor/tools/typed_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Of a model: what a drag needs to know.
@@ -69,4 +69,4 @@ private:
     GizmoDrag drag_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -273,4 +273,4 @@ bool SelectGesture::look(const Picker& picker, std::size_t at_most)
     return open_.empty();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "editor/tools/picker.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A gesture under way. The view stays as it was when it began; what lies outside it
@@ -70,4 +70,4 @@ private:
     Selection collected_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <charconv>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -48,4 +48,4 @@ std::optional<double> TypedNumber::value() const
     return is_negative_ ? -value : value;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class TypedNumber
@@ -27,4 +27,4 @@ private:
     bool is_negative_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "editor/window/widgets.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -575,4 +575,4 @@ void show_status_bar(EditorApp& app)
     ImGui::TextColored(palette().faint, "%s", times.c_str());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

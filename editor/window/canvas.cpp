@@ -18,7 +18,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -712,4 +712,4 @@ void Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
     state_->remember(state_->picture_wanted(scene, options, rect));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

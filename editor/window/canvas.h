@@ -10,7 +10,7 @@
 #include "editor/window/colours.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class CellsShown
@@ -98,4 +98,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -113,4 +113,4 @@ Colour scale_colour(double t)
     return colour;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

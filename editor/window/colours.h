@@ -13,7 +13,7 @@
 #include "library/picture/role_colour.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Red, green, blue as a screen shows them. The fourth: how much selected samples are
@@ -52,4 +52,4 @@ Colour cell_colour(const ShownCell& cell, CellColours by, const CellScale& scale
 /// From calm to glaring, \p t in [0, 1].
 Colour scale_colour(double t);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

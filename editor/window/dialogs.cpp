@@ -16,7 +16,7 @@
 #include "io/formats/geometry_file.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -453,4 +453,4 @@ void show_questions(EditorApp& app)
     ask_to_recover(app);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "editor/window/editor_app.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Lists a folder and lets a path be typed.
@@ -48,4 +48,4 @@ private:
 /// "Save the changes?", "Recover the last session?"
 void show_questions(EditorApp& app);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

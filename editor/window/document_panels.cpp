@@ -10,7 +10,7 @@
 #include "editor/window/widgets.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void show_document_panel(EditorApp& app)
@@ -135,4 +135,4 @@ void show_view_panel(EditorApp& app)
         hand.set_up_axis(up);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "editor/window/widgets.h"
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -503,4 +503,4 @@ void Editor::run(const std::atomic<int>& signal)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

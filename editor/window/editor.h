@@ -16,7 +16,7 @@
 #include "editor/window/panels.h"
 #include "editor/window/window.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where the time of a frame went [ms].
@@ -83,4 +83,4 @@ private:
     LastFrames whole_frames_; ///< of that shape
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

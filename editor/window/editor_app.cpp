@@ -12,7 +12,7 @@
 #include "io/base/error.h"
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -471,4 +471,4 @@ std::string EditorApp::title() const
     return (document.is_saved() ? "" : "● ") + name_of(path) + " — cellwarp";
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "editor/window/live_flesh.h"
 #include "editor/window/places.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The part of the window that a message concerns.
@@ -180,4 +180,4 @@ private:
     bool is_exporting_ = false; ///< and has not told its end
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "editor/tools/interaction.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct InputEvent
@@ -37,4 +37,4 @@ struct InputEvent
     std::vector<std::string> paths = {}; ///< of Drop
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

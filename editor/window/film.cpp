@@ -16,7 +16,7 @@
 #include "octree/base/index.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -224,4 +224,4 @@ std::shared_ptr<const DeformedSamples> Film::deformed(std::int64_t frame) const
     return state_->frames[idx(frame)].deformed;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

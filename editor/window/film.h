@@ -9,7 +9,7 @@
 
 #include "editor/document/editing.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class Film
@@ -45,4 +45,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "io/scene/scene_file.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class Simulation;
@@ -54,4 +54,4 @@ std::unique_ptr<FilmSource> film_of_flesh(const FilmScene& scene);
 bool plays_joined(); ///< flesh with rods, bodies and nets
 std::unique_ptr<FilmSource> film_of_joined(const FilmScene& scene);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

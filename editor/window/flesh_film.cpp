@@ -20,7 +20,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -223,4 +223,4 @@ void LiveFlesh::let_go()
     state_->pulled_flesh.reset();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

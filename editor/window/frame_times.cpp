@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -61,4 +61,4 @@ double FrameTimes::worst() const
     return worst;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

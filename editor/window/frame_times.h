@@ -5,7 +5,7 @@
 #include <deque>
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// In the last moments.
@@ -34,4 +34,4 @@ private:
     std::deque<double> frames_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include <string>
 #include <tuple>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -187,4 +187,4 @@ void Offscreen::copy_to(GLuint frame, int x, int y) const
     glBindFramebuffer(GL_FRAMEBUFFER, 0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

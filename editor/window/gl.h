@@ -10,7 +10,7 @@
 #define GL_GLEXT_PROTOTYPES
 #include <GL/glcorearb.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A program of one vertex and one fragment shader. That they do not compile is a bug:
@@ -106,4 +106,4 @@ private:
     bool is_good_ = true;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include "library/session/scene_settings.h"
 #include "library/time/joined_simulation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -67,4 +67,4 @@ std::unique_ptr<FilmSource> film_of_joined(const FilmScene& scene)
     return std::make_unique<JoinedFilm>(scene);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

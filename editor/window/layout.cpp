@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -86,4 +86,4 @@ PanelWish wish_at(double x, const LayoutSizes& sizes)
     return {true, std::max(width, kNarrowestPanel)};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "editor/window/canvas.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The panel as the user wants it.
@@ -49,4 +49,4 @@ constexpr float kToolGap = 0.4f;
 /// narrow to be read. \p x: of the pointer [pixel of the screen].
 PanelWish wish_at(double x, const LayoutSizes& sizes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

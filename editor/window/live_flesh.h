@@ -11,7 +11,7 @@
 #include "editor/document/editing.h"
 #include "editor/tools/interaction.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class LiveFlesh final : public FleshPuller
@@ -38,4 +38,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 // The window's library calls exit() when its display goes away.
 const MemoryGuard guard

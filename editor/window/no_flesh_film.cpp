@@ -3,7 +3,7 @@
 #include "editor/window/film_source.h"
 #include "editor/window/live_flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 bool plays_flesh()
@@ -42,4 +42,4 @@ void LiveFlesh::pull(const std::string&, const Eigen::Vector3d&) {}
 void LiveFlesh::pull(std::uint32_t, const Eigen::Vector3d&) {}
 void LiveFlesh::let_go() {}
 
-} // namespace cellwarp
+} // namespace cellwarp::core

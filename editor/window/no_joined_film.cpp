@@ -2,7 +2,7 @@
 // Built instead of joined_film.cpp where rods or skeletons are left out.
 #include "editor/window/film_source.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 bool plays_joined()
@@ -15,4 +15,4 @@ std::unique_ptr<FilmSource> film_of_joined(const FilmScene&)
     return nullptr;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -2,7 +2,7 @@
 // Built instead of rods_film.cpp where rods are left out.
 #include "editor/window/film_source.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 bool plays_rods()
@@ -15,4 +15,4 @@ std::unique_ptr<FilmSource> film_of_rods(const FilmScene&)
     return nullptr;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "editor/window/widgets.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -362,4 +362,4 @@ void draw_overlay(EditorApp& app, const ViewRect& view, double scale,
     list.PopClipRect();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

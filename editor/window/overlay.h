@@ -5,7 +5,7 @@
 
 #include "editor/window/editor_app.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// \p scale: pixels of the screen for one of the hand's. \p cells: what their colours
@@ -13,4 +13,4 @@ namespace cellwarp
 void draw_overlay(EditorApp& app, const ViewRect& view, double scale,
                   const CellScale& cells);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

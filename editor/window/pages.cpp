@@ -10,7 +10,7 @@
 #include "editor/window/style.h"
 #include "editor/window/widgets.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -220,4 +220,4 @@ void show_keys_page(EditorApp& app)
     ImGui::EndPopup();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

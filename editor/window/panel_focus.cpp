@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -239,4 +239,4 @@ void PanelFocus::panels_shown()
         closed_menu_ = 0;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "editor/window/events.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class PanelFocus
@@ -66,4 +66,4 @@ private:
     unsigned closed_menu_ = 0; ///< ImGui's number of the one that a press closed
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "editor/window/editor_app.h"
 #include "editor/window/panel_focus.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A place that is being dragged in a number field: shown at once, one edit at the end.
@@ -58,4 +58,4 @@ void show_film_bar(EditorApp& app, const ViewRect& view);
 void show_welcome_page(EditorApp& app, const ViewRect& view);
 void show_keys_page(EditorApp& app);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

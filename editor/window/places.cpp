@@ -9,7 +9,7 @@
 #include "io/base/bytes.h"
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -118,4 +118,4 @@ std::vector<std::string> sample_scenes()
     return {};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// $XDG_STATE_HOME/cellwarp or ~/.local/state/cellwarp; made if it is not there. Empty
@@ -35,4 +35,4 @@ private:
 /// Scenes that ship with the project, where they are found; sorted by name.
 std::vector<std::string> sample_scenes();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -697,4 +697,4 @@ std::string statement_help()
     return help;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

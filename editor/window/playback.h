@@ -9,7 +9,7 @@
 
 #include "editor/window/editor.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// One line of the file that says something.
@@ -64,4 +64,4 @@ std::string report_text(const PlaybackReport& report);
 /// What the statements are, for --help.
 std::string statement_help();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "editor/window/playback.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -78,4 +78,4 @@ std::string report_text(const PlaybackReport& report)
     return json.dump(2) + "\n";
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

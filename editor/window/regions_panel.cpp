@@ -13,7 +13,7 @@
 #include "editor/window/warning_words.h"
 #include "editor/window/widgets.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -532,4 +532,4 @@ void show_regions_panel(EditorApp& app, PanelState& state)
     show_active(app, state);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include "library/session/scene_settings.h"
 #include "library/time/carried_model.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -87,4 +87,4 @@ std::unique_ptr<FilmSource> film_of_rods(const FilmScene& scene)
     return std::make_unique<RodsFilm>(scene);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

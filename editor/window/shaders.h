@@ -3,7 +3,7 @@
 // viewer looks along -z. Colours are mixed as light (linear) and shown as sRGB.
 #pragma once
 
-namespace cellwarp::shaders
+namespace cellwarp::core::shaders
 {
 
 #define CELLWARP_LIGHT                                                                   \
@@ -211,4 +211,4 @@ void main()
 
 #undef CELLWARP_LIGHT
 
-} // namespace cellwarp::shaders
+} // namespace cellwarp::core::shaders

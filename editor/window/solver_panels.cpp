@@ -14,7 +14,7 @@
 #include "editor/window/warning_words.h"
 #include "editor/window/widgets.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -421,4 +421,4 @@ void show_solver_panel(EditorApp& app)
     show_energy_curve(status);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "library/picture/lettering.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -155,4 +155,4 @@ void load_fonts(float scale)
     heading = small = atlas.AddFontDefault(&config);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

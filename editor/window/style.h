@@ -4,7 +4,7 @@
 
 #include <imgui.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Colours that panels use beside ImGui's own.
@@ -23,4 +23,4 @@ void load_fonts(float scale);
 ImFont* heading_font();
 ImFont* small_font();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

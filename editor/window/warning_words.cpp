@@ -7,7 +7,7 @@
 
 #include "editor/document/document.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -73,4 +73,4 @@ std::string in_window_words(const std::string& warning, const Document& document
     return text;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class Document;
@@ -13,4 +13,4 @@ class Document;
 /// and with the window's own ways instead of words of files and flags.
 std::string in_window_words(const std::string& warning, const Document& document);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "editor/window/style.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -169,4 +169,4 @@ bool toggle(const char* name, bool is_on)
     return is_pressed;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

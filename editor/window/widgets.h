@@ -9,7 +9,7 @@
 
 #include "editor/window/colours.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The width of \p count letters: panels measure in it, so they follow the font.
@@ -46,4 +46,4 @@ bool has_keyboard();
 /// A button that stays down; true if it was pressed.
 bool toggle(const char* name, bool is_on);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

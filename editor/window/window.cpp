@@ -20,7 +20,7 @@
 #include "io/base/error.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -623,4 +623,4 @@ Image Window::image() const
     return image;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

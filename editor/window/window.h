@@ -17,7 +17,7 @@
 
 struct GLFWwindow;
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct WindowOptions
@@ -111,4 +111,4 @@ private:
     double last_time_ = 0.0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include <array>
 #include <cstdint>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -81,4 +81,4 @@ std::string base64_patched(std::string text, std::string_view before,
     return text;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The bytes of \p text, with or without padding at its end; nothing if a character is
@@ -20,4 +20,4 @@ std::string base64_encoded(std::string_view bytes);
 std::string base64_patched(std::string text, std::string_view before,
                            std::string_view after);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

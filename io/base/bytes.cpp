@@ -21,7 +21,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A temporary that exists now. Entries are only ever added and used again, because a
@@ -352,7 +352,7 @@ std::size_t InputFile::read(char* bytes, std::size_t count)
 
 void InputFile::read_at(std::uint64_t start, char* bytes, std::size_t count) const
 {
-    const std::int64_t got = cellwarp::read_at(file_.get(), start, bytes, count);
+    const std::int64_t got = cellwarp::core::read_at(file_.get(), start, bytes, count);
     if (got < 0)
         throw file_error(path_, "cannot read: " + reason());
     if (static_cast<std::size_t>(got) < count)
@@ -652,7 +652,7 @@ RangeFile::RangeFile(const std::string& path, std::string name)
 
 void RangeFile::write_at(std::uint64_t start, std::string_view bytes)
 {
-    if (!cellwarp::write_at(file_.get(), start, bytes))
+    if (!cellwarp::core::write_at(file_.get(), start, bytes))
         throw file_error(name_, "cannot write: " + reason());
 }
 
@@ -705,4 +705,4 @@ void remove_unfinished_outputs() noexcept
             ::unlink(name->path);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

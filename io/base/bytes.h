@@ -10,7 +10,7 @@
 
 #include "io/base/descriptor.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Largest file that is read whole [bytes].
@@ -182,4 +182,4 @@ void write_file(const std::string& path, std::string_view bytes, Overwrite overw
 /// Unlinks every temporary of an AtomicFile that is open. Async-signal-safe.
 void remove_unfinished_outputs() noexcept;
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <zlib.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::uint32_t checksum_of(std::string_view bytes, std::uint32_t before)
@@ -12,4 +12,4 @@ std::uint32_t checksum_of(std::string_view bytes, std::uint32_t before)
         before, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <cerrno>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -79,4 +79,4 @@ std::int64_t read_next(int file, char* bytes, std::size_t count)
                    { return ::read(file, bytes + filled, count - filled); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

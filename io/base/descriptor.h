@@ -9,7 +9,7 @@
 
 #include <unistd.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Closes its file when it goes.
@@ -51,4 +51,4 @@ std::int64_t read_at(int file, std::uint64_t start, char* bytes, std::size_t cou
 /// As read_at(), from where the file stands.
 std::int64_t read_next(int file, char* bytes, std::size_t count);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

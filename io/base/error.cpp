@@ -3,7 +3,7 @@
 
 #include <mutex>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::string Remark::text() const
@@ -56,4 +56,4 @@ Error malformed(const Where& where, const std::string& what)
     return Error(Fault::Malformed, at(where, what));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What kind of mistake it was; the value is the exit code of the command line.
@@ -77,4 +77,4 @@ Error wrong_flag(const std::string& flag, const std::string& what);
 /// The error for content that cannot be used.
 Error malformed(const Where& where, const std::string& what);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 inline constexpr std::int64_t kMaxSamples = (std::int64_t(1) << 31) - 1;
@@ -16,4 +16,4 @@ inline constexpr int kMaxNesting = 128; ///< of JSON
 /// Of lengths, times, moduli and the like in scenes.
 inline constexpr double kTiny = 1e-30, kHuge = 1e30;
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "io/base/text.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -136,4 +136,4 @@ std::vector<TextRange> json_items(std::string_view text, TextRange array)
     return items;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A value in the text [byte].
@@ -31,4 +31,4 @@ std::optional<TextRange> json_member(std::string_view text, TextRange object,
 /// The values of an array.
 std::vector<TextRange> json_items(std::string_view text, TextRange array);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

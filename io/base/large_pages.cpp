@@ -6,7 +6,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void prefer_large_pages(void* begin, std::size_t bytes)
@@ -21,4 +21,4 @@ void prefer_large_pages(void* begin, std::size_t bytes)
     ::madvise(reinterpret_cast<void*>(start), first + bytes - start, MADV_HUGEPAGE);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

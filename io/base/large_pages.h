@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Asks the system for large pages from \p begin on, where it has them and it is worth
@@ -21,4 +21,4 @@ void reserve_large(std::vector<Value>& list, std::size_t count)
     prefer_large_pages(list.data(), list.capacity() * sizeof(Value));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

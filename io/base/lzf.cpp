@@ -6,7 +6,7 @@
 
 #include <lzf.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -49,4 +49,4 @@ std::optional<std::string> lzf_packed(std::string_view bytes)
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The most that one compressed byte can stand for [bytes]: a reference of 3 bytes
@@ -23,4 +23,4 @@ std::optional<std::string> lzf_unpacked(std::string_view packed, std::size_t siz
 /// 4 GB or more. \pre below 4 GB
 std::optional<std::string> lzf_packed(std::string_view bytes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -69,4 +69,4 @@ bool LzfUnpacker::take(std::string_view packed, std::string& out)
     return true;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

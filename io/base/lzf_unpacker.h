@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class LzfUnpacker
@@ -29,4 +29,4 @@ private:
     std::string before_; ///< the last bytes that were made
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -46,4 +46,4 @@ std::string nearest_word(const std::string& given, std::span<const std::string> 
     return nearest;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

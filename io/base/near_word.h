@@ -5,11 +5,11 @@
 #include <span>
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Of the words the one that \p given differs from by the fewest letters, put in, left
 /// out or changed; empty where more than 3, or half of \p given, would have to be.
 std::string nearest_word(const std::string& given, std::span<const std::string> words);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -132,4 +132,4 @@ std::string in_bytes(double bytes)
            (is_giga ? " GB" : " MB");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The whole token as a double; a leading plus sign is allowed. "nan" and "inf"
@@ -32,4 +32,4 @@ std::string in_quotes(std::string_view token);
 /// "340 MB" or "1.4 GB", for messages.
 std::string in_bytes(double bytes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

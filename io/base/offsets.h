@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Numbers of 64 bits whose upper halves seldom change from one to the next, as places in
@@ -196,4 +196,4 @@ private:
     std::size_t size_ = 0;      ///< vectors
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 OutputFile& OutputSet::add(const std::string& path)
@@ -71,4 +71,4 @@ void OutputSet::commit()
     for_stdout_.clear();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "io/base/bytes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Files are written and synced under temporary names; commit() gives all of them their
@@ -41,4 +41,4 @@ private:
     std::string for_stdout_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::string program_beside(const std::string& name)
@@ -19,4 +19,4 @@ std::string program_beside(const std::string& name)
     return (self.parent_path() / name).string();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,11 +4,11 @@
 
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where a program of that name stands: in the folder of this one, however it was called.
 /// Throws Fault::File where that cannot be found.
 std::string program_beside(const std::string& name);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -57,4 +57,4 @@ std::string relative_name(const std::string& file, const std::string& target)
         .string();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

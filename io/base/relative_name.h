@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where \p name leads that \p file says.
@@ -16,4 +16,4 @@ std::string resolved_name(const std::string& file, const std::string& name);
 /// name can be found, as when the working folder is gone.
 std::string relative_name(const std::string& file, const std::string& target);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

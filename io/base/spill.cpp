@@ -9,7 +9,7 @@
 #include "io/base/bytes.h"
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -44,4 +44,4 @@ void SpillFile::read(std::uint64_t start, void* bytes, std::size_t count) const
         fail("cannot read");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

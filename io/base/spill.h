@@ -14,7 +14,7 @@
 
 #include "io/base/descriptor.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A temporary file without a name. Throws Fault::File.
@@ -202,4 +202,4 @@ private:
     std::vector<std::uint64_t> run_ends_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <filesystem>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::string_view without_end_mark(std::string_view text, std::uint64_t start)
@@ -104,4 +104,4 @@ std::string extension_of(const std::string& path)
     return lower_case(extension);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A token and where it starts.
@@ -125,4 +125,4 @@ std::string foreign_bytes(std::string_view bytes);
 /// "obj" of "dir/Name.OBJ"; empty without an extension.
 std::string extension_of(const std::string& path);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

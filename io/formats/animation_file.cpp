@@ -29,7 +29,7 @@
 #include "io/base/text.h"
 #include "io/formats/face_triangles.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -580,4 +580,4 @@ void AnimationFile::finish()
     writer_->finish();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

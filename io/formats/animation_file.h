@@ -18,7 +18,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/texture_coordinates.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whether frames of a model of \p format are written into one file of this extension: a
@@ -61,4 +61,4 @@ private:
     std::unique_ptr<Writer> writer_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

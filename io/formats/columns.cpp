@@ -10,7 +10,7 @@
 #include "io/base/file_limits.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -394,4 +394,4 @@ void ColumnsScanner::finish(Geometry& out)
         out.attributes.push_back("colours");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "io/base/text.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// One point a line, as many columns on each. Which column is what is told by
@@ -61,4 +61,4 @@ private:
     std::vector<Token> row_;      ///< the fields of the line being read
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -208,4 +208,4 @@ std::optional<DracoMesh> unpacked_draco(std::string_view bytes, const DracoWish&
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The content that a file declares for compressed bytes. They may hold fewer vertices
@@ -42,4 +42,4 @@ struct DracoMesh
 std::optional<DracoMesh> unpacked_draco(std::string_view bytes, const DracoWish& wish,
                                         std::string& why);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

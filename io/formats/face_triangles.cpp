@@ -37,7 +37,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -568,4 +568,4 @@ std::vector<FaceCutter::Triangle> triangles_of(const Geometry& geometry)
     return all;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Cuts the faces of a geometry into triangles, which go round as their faces do: n - 2
@@ -57,4 +57,4 @@ private:
 /// The triangles of all faces, face by face.
 std::vector<FaceCutter::Triangle> triangles_of(const Geometry& geometry);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "io/base/checksum.h"
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -461,4 +461,4 @@ FieldFile read_field(const std::string& path)
     return parse_field(path, read_file(path));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

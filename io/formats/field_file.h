@@ -24,7 +24,7 @@
 #include <string_view>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A motion of a region and by how much the field misses it at the nodes: the places of
@@ -99,4 +99,4 @@ FieldFile read_field(const std::string& path);
 /// The same for bytes in memory; \p path names them.
 FieldFile parse_field(const std::string& path, std::string_view bytes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

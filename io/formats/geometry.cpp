@@ -6,7 +6,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -53,4 +53,4 @@ void check_magnitude(const std::string& path, const Geometry& geometry)
                 "is beyond 1e150");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "io/base/offsets.h"
 #include "io/base/text.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How a number is stored in the bytes.
@@ -230,4 +230,4 @@ struct DeformedSamples
     std::vector<Eigen::Vector4d> rotations = {};
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "io/formats/stl.h"
 #include "io/import/import.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -144,4 +144,4 @@ std::size_t write_patched(const GeometryFile& file, const DeformedSamples& patch
     return split.num_lines;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "io/base/error.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The formats that can be read and written, by lower-case extension.
@@ -44,4 +44,4 @@ std::size_t write_patched(const GeometryFile& file, const DeformedSamples& patch
                           const BytesSink& write,
                           std::uint64_t bytes_at_once = std::uint64_t(1) << 20);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "io/formats/gltf.h"
 #include "io/formats/plain_mesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -179,4 +179,4 @@ std::size_t write_geometry(const std::string& output, const GeometryFile& model,
     return num_split;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "io/base/output_set.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whether a model may be written in another format than its own, as plain geometry.
@@ -54,4 +54,4 @@ std::size_t write_geometry(const std::string& output, const GeometryFile& model,
 std::size_t write_geometry(const std::string& output, const GeometryFile& model,
                            const DeformedSamples& patch, Overwrite overwrite);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "io/formats/gltf_json.h"
 #include "io/formats/gltf_nodes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -640,4 +640,4 @@ GltfPlan plan_gltf(GeometryFile& file, const InputFile& input)
     return plan;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

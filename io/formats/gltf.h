@@ -18,7 +18,7 @@
 #include "io/base/json_text.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A companion of a file: it stands beside it and holds some of its numbers.
@@ -248,4 +248,4 @@ std::string patched_data_uri(const std::string& uri, std::string_view before,
 std::vector<std::string> companion_paths(const GltfLayout& layout,
                                          const std::string& output);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "io/formats/draco_mesh.h"
 #include "io/formats/meshopt_view.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -733,4 +733,4 @@ bool GltfData::do_overlap(const std::set<std::size_t>& changing) const
     return false;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "io/formats/gltf_json.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct GltfView
@@ -100,4 +100,4 @@ private:
     std::uint64_t file_body_bytes_ = 0; ///< of those that the file holds
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "io/base/json_text.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -111,4 +111,4 @@ void GltfJson::check_lists() const
             fail(key, "need a list of objects");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Extensions that change what is read.
@@ -141,4 +141,4 @@ std::size_t gltf_length(std::string_view type);
 /// "meshes[3]"
 std::string element(const char* list, std::size_t i);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/base/json_text.h"
 #include "io/formats/gltf_json.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 double unpacked_gltf_bytes(std::string_view json)
@@ -78,4 +78,4 @@ double unpacked_gltf_bytes(std::string_view json)
     return bytes;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

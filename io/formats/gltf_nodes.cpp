@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Json = GltfJson::Json;
@@ -114,4 +114,4 @@ std::string GltfNodes::name(std::size_t node) const
     return name && name->is_string() ? name->get<std::string>() : std::string();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "io/formats/gltf_json.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// No node is nested deeper.
@@ -48,4 +48,4 @@ private:
     std::vector<std::size_t> roots_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -21,7 +21,7 @@
 #include "io/formats/packed.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -416,4 +416,4 @@ PatchedGltf patched_gltf(const GeometryFile& file, const DeformedSamples& patch,
     return result;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

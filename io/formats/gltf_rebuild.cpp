@@ -22,7 +22,7 @@
 #include "io/formats/gltf_json.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -659,4 +659,4 @@ PatchedGltf rebuilt_gltf(const GeometryFile& file, std::string body,
     return Rebuild(file, std::move(body), moved).run(bounds, output);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

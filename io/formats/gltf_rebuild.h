@@ -13,7 +13,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/gltf.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All numbers of a run's accessor after a move, as floats.
@@ -31,4 +31,4 @@ PatchedGltf rebuilt_gltf(const GeometryFile& file, std::string body,
                          const std::vector<GltfBounds>& bounds,
                          const std::vector<MovedRun>& moved, const std::string& output);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

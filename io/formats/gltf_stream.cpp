@@ -25,7 +25,7 @@
 #include "io/formats/stored_number.h"
 #include "io/formats/stream_ranges.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -725,4 +725,4 @@ StreamReport stream_gltf(const std::string& input, const std::string& output,
     return GltfStream(input, output, format, outputs, options, work).run();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "io/formats/stream.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// As stream_geometry(), for a file of \p format gltf or glb; what write_geometry() would
@@ -17,4 +17,4 @@ StreamReport stream_gltf(const std::string& input, const std::string& output,
                          const std::string& format, OutputSet& outputs,
                          const StreamOptions& options, const StreamWork& work);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/base/number.h"
 #include "io/base/text.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -214,4 +214,4 @@ MeditMesh parse_medit(const std::string& path, std::string_view text)
     return MeditReader(path, text).read();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

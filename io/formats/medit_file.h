@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct MeditMesh
@@ -35,4 +35,4 @@ struct MeditMesh
 MeditMesh read_medit(const std::string& path);
 MeditMesh parse_medit(const std::string& path, std::string_view text);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <meshoptimizer.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -85,4 +85,4 @@ bool unpack_meshopt(std::string_view bytes, const MeshoptView& view, char* out)
     return true;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct MeshoptView
@@ -40,4 +40,4 @@ struct MeshoptView
 /// \pre view.fault() is empty
 bool unpack_meshopt(std::string_view bytes, const MeshoptView& view, char* out);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "io/base/number.h"
 #include "io/base/text.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -616,4 +616,4 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
     return split;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "io/base/text.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Reads an OBJ part by part. A face may come before its vertices: whether they are
@@ -128,4 +128,4 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
                           const std::vector<Eigen::Vector3d>& values,
                           std::string_view bytes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

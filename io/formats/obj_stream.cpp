@@ -9,7 +9,7 @@
 
 #include "io/formats/obj.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -283,4 +283,4 @@ void NormalPlan::write_lines(OutputFile& output, std::uint64_t& bytes) const
     bytes += lines_.size();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

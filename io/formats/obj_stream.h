@@ -13,7 +13,7 @@
 #include "io/formats/part_reader.h"
 #include "io/formats/stream.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whether faces of the file may use normals. A quick look: never no where they do.
@@ -85,4 +85,4 @@ private:
     bool has_index_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/base/file_limits.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Where OffScanner::here() const
@@ -309,4 +309,4 @@ void OffScanner::finish(Geometry& out)
                                    " normals are not finite and stay as they are"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

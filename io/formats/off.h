@@ -13,7 +13,7 @@
 #include "io/base/text.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class OffScanner
@@ -66,4 +66,4 @@ private:
     bool is_face_ = false;           ///< and not a point or a line
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

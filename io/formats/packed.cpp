@@ -3,7 +3,7 @@
 
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void overwrite_changed(const ByteOffsets& places, std::span<const double> before,
@@ -22,4 +22,4 @@ Error does_not_fit(const std::string& file, std::uint64_t start, double value)
                          shortest(value) + ")");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A list of vectors as its numbers.
@@ -58,4 +58,4 @@ void overwrite_changed(const ByteOffsets& places, std::span<const double> before
                        std::span<const double> after, const std::string& file,
                        std::string& body);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

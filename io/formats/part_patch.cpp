@@ -8,7 +8,7 @@
 #include "io/formats/packed.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -287,4 +287,4 @@ void PatchedBytes::append_to(std::string& out, std::uint64_t from, std::uint64_t
     out.append(bytes_.substr(copied - start_, to - copied));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

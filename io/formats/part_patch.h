@@ -12,7 +12,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What one part of a file ends with, in its order.
@@ -55,4 +55,4 @@ private:
     std::uint64_t end_ = 0; ///< [byte] behind the last number
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void scan_part(FilePart& part)
@@ -130,4 +130,4 @@ bool PartReader::next(FilePart& part)
     return true;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

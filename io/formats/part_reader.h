@@ -10,7 +10,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/scanner.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Consecutive bytes of a file that hold whole records.
@@ -59,4 +59,4 @@ private:
 /// Longest line or binary record of a file that is read part by part [bytes].
 inline constexpr std::size_t kMaxRecordBytes = std::size_t(1) << 24;
 
-} // namespace cellwarp
+} // namespace cellwarp::core

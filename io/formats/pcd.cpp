@@ -13,7 +13,7 @@
 #include "io/formats/packed.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -668,4 +668,4 @@ std::string patched_pcd(const GeometryFile& file, const DeformedSamples& patch)
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "io/base/text.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Reads a PCD part by part: the header in the first part, then whole points; of a
@@ -136,4 +136,4 @@ Error too_large_to_pack(const std::string& path);
 /// changes they are the file's.
 std::string patched_pcd(const GeometryFile& file, const DeformedSamples& patch);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

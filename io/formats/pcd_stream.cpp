@@ -14,7 +14,7 @@
 #include "io/formats/stored_number.h"
 #include "io/formats/stream_ranges.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -280,4 +280,4 @@ StreamReport stream_packed_pcd(const std::string& input, const std::string& outp
     return PackedPcdStream(input, output, outputs, options, work).run();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

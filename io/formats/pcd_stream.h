@@ -7,7 +7,7 @@
 
 #include "io/formats/stream.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// As stream_geometry(), for a file that is_packed_pcd().
@@ -15,4 +15,4 @@ StreamReport stream_packed_pcd(const std::string& input, const std::string& outp
                                OutputSet& outputs, const StreamOptions& options,
                                const StreamWork& work);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "io/formats/face_triangles.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -201,4 +201,4 @@ std::string plain_mesh_bytes(const Geometry& geometry, const DeformedSamples& pa
                                 : ply_bytes(geometry, patch, normals);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whether that is what becomes of a format that can only be read: "obj" or "ply".
@@ -26,4 +26,4 @@ bool has_all_normals(const Geometry& geometry);
 std::string plain_mesh_bytes(const Geometry& geometry, const DeformedSamples& patch,
                              std::string_view extension);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "io/base/text.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -837,4 +837,4 @@ void PlyScanner::finish(Geometry& out)
                                                       "and stay as they are"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "io/base/text.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Reads a PLY part by part: the header, which must be whole, then whole records.
@@ -140,4 +140,4 @@ private:
     std::uint64_t trailing_ = 0; ///< [bytes] after the last record
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

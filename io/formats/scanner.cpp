@@ -13,7 +13,7 @@
 #include "io/formats/ply.h"
 #include "io/formats/stl.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -89,4 +89,4 @@ void check_content(const std::string& path, const std::string& format,
         throw malformed({path, 0, ""}, "this looks like " + guess + ", need " + format);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Reads a file of one format from its beginning to its end, in one part or in many.
@@ -43,4 +43,4 @@ std::unique_ptr<Scanner> make_scanner(const std::string& path, const std::string
 void check_content(const std::string& path, const std::string& format,
                    std::string_view part, std::uint64_t start, bool is_last = false);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

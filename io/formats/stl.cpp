@@ -12,7 +12,7 @@
 #include "io/base/number.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -334,4 +334,4 @@ std::vector<Eigen::Vector3d> facet_normals(const Geometry& geometry,
     return normals;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

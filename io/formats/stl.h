@@ -12,7 +12,7 @@
 #include "io/base/text.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class StlScanner
@@ -66,4 +66,4 @@ private:
 std::vector<Eigen::Vector3d> facet_normals(const Geometry& geometry,
                                            const std::vector<Eigen::Vector3d>& samples);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 static_assert(std::endian::native == std::endian::little,
@@ -228,4 +228,4 @@ bool store(double value, Scalar type, bool big_endian, std::string& out)
     return std::isfinite(value);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Size of a binary number [bytes]; 0 for text.
@@ -33,4 +33,4 @@ bool overwrite_stored(double value, Scalar type, bool big_endian, char* bytes);
 /// that the type has. False if it is outside the type's range.
 bool store(double value, Scalar type, bool big_endian, std::string& out);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -22,7 +22,7 @@
 #include "io/formats/stl.h"
 #include "io/formats/stream_ranges.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -283,4 +283,4 @@ StreamReport stream_geometry(const std::string& input, const std::string& output
     return Stream(input, output, outputs, options, work).run();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

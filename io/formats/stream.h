@@ -16,7 +16,7 @@
 #include "io/base/output_set.h"
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What moves of one part of a file: rest places and directions in, moved ones out.
@@ -80,4 +80,4 @@ StreamReport stream_geometry(const std::string& input, const std::string& output
                              OutputSet& outputs, const StreamOptions& options,
                              const StreamWork& work);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

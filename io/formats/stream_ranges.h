@@ -13,7 +13,7 @@
 #include "io/base/spill.h"
 #include "io/formats/stream.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A piece of a file that is copied at a time [bytes].
@@ -75,4 +75,4 @@ void for_each_piece(std::uint64_t start, std::uint64_t end, Read&& read, Take&& 
 /// Where temporary files of a stream to \p output stand.
 std::string spill_folder(const std::string& output);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "io/formats/gltf_json.h"
 #include "io/formats/obj.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -150,4 +150,4 @@ std::vector<TextureCoordinate> texture_coordinates(const GeometryFile& file)
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

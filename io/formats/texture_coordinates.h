@@ -8,7 +8,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// As glTF counts them, from the picture's upper left corner to the right and down.
@@ -18,4 +18,4 @@ using TextureCoordinate = std::array<float, 2>;
 /// none, (0, 0). Empty: the model has none, or several at one place of a glTF.
 std::vector<TextureCoordinate> texture_coordinates(const GeometryFile& file);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

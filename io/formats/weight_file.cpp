@@ -11,7 +11,7 @@
 #include "io/base/number.h"
 #include "io/base/text.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -111,4 +111,4 @@ PaintedWeights read_weights(const std::string& path)
     return parse_weights(path, read_file(path));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct PaintedWeights
@@ -31,4 +31,4 @@ PaintedWeights parse_weights(const std::string& path, std::string_view text);
 /// gltf_skeleton.cpp.
 PaintedWeights parse_gltf_weights(const std::string& path, std::string bytes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

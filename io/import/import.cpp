@@ -23,7 +23,7 @@
 #include "io/base/text.h"
 #include "io/import/imported.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -160,4 +160,4 @@ Geometry import_geometry(const std::string& path, const std::string& bytes)
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

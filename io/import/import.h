@@ -8,7 +8,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whether files with that lower-case extension are read by import_geometry(), in a
@@ -20,4 +20,4 @@ bool is_import_format(std::string_view extension);
 /// itself on the way ends in Fault::Malformed.
 Geometry import_geometry(const std::string& path, const std::string& bytes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -58,4 +58,4 @@ bool parse_imported(std::string_view bytes, Imported& imported)
            take(bytes, imported.corners) && take(bytes, imported.face_ends);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

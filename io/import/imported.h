@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The importer's program, beside the one that starts it: `cellwarp-import EXTENSION
@@ -30,4 +30,4 @@ struct Imported
 std::string imported_bytes(const Imported& imported);
 bool parse_imported(std::string_view bytes, Imported& imported);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -32,7 +32,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 constexpr rlim_t kMaxSeconds = 300;
 constexpr std::uint64_t kMaxNesting = 1000;

@@ -8,7 +8,7 @@
 #include "io/base/error.h"
 #include "io/base/text.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 bool is_import_format(std::string_view extension)
@@ -27,4 +27,4 @@ Geometry import_geometry(const std::string& path, const std::string&)
                                       " (it is made without importers)"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -31,7 +31,7 @@
 #include "io/base/error.h"
 #include "io/journal/journal_records.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -391,4 +391,4 @@ const std::string& Journal::path() const
     return state_->path;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Another process holds a journal.
@@ -71,4 +71,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

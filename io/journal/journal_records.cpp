@@ -14,7 +14,7 @@
 #include "io/base/descriptor.h"
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -209,4 +209,4 @@ WholeRecords whole_records(const std::string& path, int file, std::uint64_t firs
     return records;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

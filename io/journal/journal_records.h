@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What stands before each payload.
@@ -42,4 +42,4 @@ struct WholeRecords
 WholeRecords whole_records(const std::string& path, int file, std::uint64_t first,
                            std::uint64_t size);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -39,7 +39,7 @@
 #include "io/formats/weight_file.h"
 #include "io/scene/skeleton_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -764,4 +764,4 @@ PaintedWeights parse_gltf_weights(const std::string& path, std::string bytes)
     return SkeletonReader(file).read_weights();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

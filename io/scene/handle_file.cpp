@@ -13,7 +13,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/stored_number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -949,4 +949,4 @@ HandleFile read_handles(const std::string& path, std::vector<SkeletonJoint> join
     return parse_handles(path, read_file(path), std::move(joints));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

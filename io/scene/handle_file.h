@@ -20,7 +20,7 @@
 #include "io/base/error.h"
 #include "io/scene/skeleton_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Frames are numbered from 0 to this.
@@ -250,4 +250,4 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def);
 std::vector<std::int64_t> read_labels(const std::string& path);
 std::vector<std::int64_t> parse_labels(const std::string& path, std::string_view bytes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

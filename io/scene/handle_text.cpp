@@ -7,7 +7,7 @@
 #include "io/base/text.h"
 #include "io/scene/handle_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -357,4 +357,4 @@ std::string handle_text(const HandleFile& file)
     return printer.take();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include "io/base/file_limits.h"
 #include "io/base/json_text.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -156,4 +156,4 @@ Json parse_json(const std::string& path, const std::string& text,
     return json;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "io/base/number.h"
 #include "io/scene/scene_settings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Json = nlohmann::json;
@@ -172,4 +172,4 @@ private:
     std::vector<std::string> known_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

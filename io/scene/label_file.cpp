@@ -10,7 +10,7 @@
 #include "io/formats/stored_number.h"
 #include "io/scene/handle_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -158,4 +158,4 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def)
     return file;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "io/base/text.h"
 #include "io/scene/json_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -924,4 +924,4 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     return with_lines(path, text, [&] { return rod_scene_of(path, text); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

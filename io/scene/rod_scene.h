@@ -11,7 +11,7 @@
 
 #include "io/scene/time_settings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where a held place has come to at a time.
@@ -257,4 +257,4 @@ struct RodScene : TimeSettings
 RodScene read_rod_scene(const std::string& path);
 RodScene parse_rod_scene(const std::string& path, const std::string& text);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

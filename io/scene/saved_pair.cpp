@@ -7,7 +7,7 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::string save_fingerprint(std::string_view scene_text, std::string_view handle_text)
@@ -25,4 +25,4 @@ std::optional<std::string> parted_save(const SceneFile& scene, const HandleFile&
                                         "ended between the two, or one was replaced");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "io/scene/handle_file.h"
 #include "io/scene/scene_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The fingerprint of a save, from the texts of both files.
@@ -20,4 +20,4 @@ std::string save_fingerprint(std::string_view scene_text, std::string_view handl
 /// "SCENE: ...". What people have written themselves is of none.
 std::optional<std::string> parted_save(const SceneFile& scene, const HandleFile& handles);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

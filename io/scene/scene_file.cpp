@@ -11,7 +11,7 @@
 #include "io/base/relative_name.h"
 #include "io/scene/json_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -239,4 +239,4 @@ SceneFile read_scene(const std::string& path)
     return parse_scene(path, read_file(path));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

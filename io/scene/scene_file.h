@@ -12,7 +12,7 @@
 #include "io/scene/skeleton_scene.h"
 #include "io/scene/time_settings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The octree's own frame: a point x has frame coordinates axes * (x - origin).
@@ -62,4 +62,4 @@ std::string scene_text(const SceneFile& scene);
 std::string moved_scene_text(const std::string& text, const std::string& from,
                              const std::string& to);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

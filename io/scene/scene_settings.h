@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What a scene says; what it leaves out stays empty and takes its default.
@@ -82,4 +82,4 @@ void visit_settings(Visit&& visit, Settings&... settings)
           settings.field.release...);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

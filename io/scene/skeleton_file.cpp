@@ -25,7 +25,7 @@
 #include "io/base/text.h"
 #include "io/scene/handle_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -680,4 +680,4 @@ std::vector<SkeletonJoint> in_order(std::vector<SkeletonJoint> joints,
     return sorted;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Most joints of a skeleton.
@@ -121,4 +121,4 @@ std::vector<SkeletonJoint> in_order(std::vector<SkeletonJoint> joints,
 SkeletonValues parse_gltf_skeleton(const std::string& path, std::string bytes,
                                    const SkeletonPlacement& placement);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

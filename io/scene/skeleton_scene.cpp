@@ -16,7 +16,7 @@
 #include "io/base/text.h"
 #include "io/scene/json_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -556,4 +556,4 @@ SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path)
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 
 #include "io/scene/skeleton_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class JsonObject;
@@ -128,4 +128,4 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
 /// is no root, and for places of one.
 SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

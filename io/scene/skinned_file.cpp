@@ -14,7 +14,7 @@
 #include "io/base/number.h"
 #include "io/formats/face_triangles.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -250,4 +250,4 @@ std::string skinned_glb(const std::string& path, const Geometry& geometry,
     return head.bytes() + text + middle.bytes() + buffer.bytes();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "io/formats/geometry.h"
 #include "io/scene/skeleton_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Up to four joints that carry a sample: their numbers, and shares that sum to 1.
@@ -29,4 +29,4 @@ std::string skinned_glb(const std::string& path, const Geometry& geometry,
                         const SkeletonValues& skeleton,
                         const std::vector<SkinShares>& shares);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "io/base/text.h"
 #include "io/scene/json_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -119,4 +119,4 @@ TimeScene time_scene_of(const std::string& path)
     return has_rods && !json.contains("model") ? TimeScene::Rods : TimeScene::None;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class JsonObject;
@@ -63,4 +63,4 @@ inline bool has_rods(TimeScene scene)
 /// Of the file at \p path; None for what is no scene file. Throws what reading it throws.
 TimeScene time_scene_of(const std::string& path);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

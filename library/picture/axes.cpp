@@ -10,7 +10,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -146,4 +146,4 @@ void draw_axes(const Eigen::AlignedBox3d& box, int up_axis, const Projection& pr
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

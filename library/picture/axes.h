@@ -11,7 +11,7 @@
 #include "library/picture/lettering.h"
 #include "library/picture/projection.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Round numbers of \p low to \p high, evenly, three to eight of them; none where the two
@@ -24,4 +24,4 @@ std::vector<double> ticks_between(double low, double high);
 void draw_axes(const Eigen::AlignedBox3d& box, int up_axis, const Projection& projection,
                const Lettering& lettering, int first_column, Image& image);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

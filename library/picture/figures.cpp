@@ -13,7 +13,7 @@
 #include "octree/base/index.h"
 #include "octree/material.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -189,4 +189,4 @@ void add_cells(Figure& figure, const Session& session)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include "library/picture/picture.h"
 #include "library/session/session.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Samples at their places, in the file's colours if it has any.
@@ -36,4 +36,4 @@ void add_lattice(Figure& figure,
 /// Adds the cells at their poses, coloured by what holds them.
 void add_cells(Figure& figure, const Session& session);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -50,7 +50,7 @@ void* grow_for_packer(void* old, std::size_t old_bytes, std::size_t bytes)
 #include <stb/stb_image_write.h>
 #pragma GCC diagnostic pop
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void cover_pixel(Image& image, int column, int row,
@@ -89,4 +89,4 @@ std::string ppm_bytes(const Image& image)
     return bytes;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

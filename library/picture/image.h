@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Rows from the upper edge down, three numbers a pixel.
@@ -26,4 +26,4 @@ std::string png_bytes(const Image& image);
 /// A binary PPM file's bytes: what programs read without a library.
 std::string ppm_bytes(const Image& image);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include <stb/stb_truetype.h>
 #pragma GCC diagnostic pop
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -142,4 +142,4 @@ void Lettering::draw(const std::string& text, double x, double y,
                     });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

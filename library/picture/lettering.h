@@ -9,7 +9,7 @@
 
 #include "library/picture/image.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The file of the first sans serif font that is there; empty: none is.
@@ -39,4 +39,4 @@ private:
     std::unique_ptr<const Font> font_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

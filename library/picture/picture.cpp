@@ -24,7 +24,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/smooth_step.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -495,4 +495,4 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     return image;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 
 #include "library/picture/image.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Colour = std::array<std::uint8_t, 3>;
@@ -62,4 +62,4 @@ struct PictureOptions
 /// no font. \pre figures are not empty
 Image draw(const std::vector<Figure>& figures, const PictureOptions& options);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

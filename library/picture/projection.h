@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Projection
@@ -23,4 +23,4 @@ struct Projection
     }
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

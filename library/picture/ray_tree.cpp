@@ -19,7 +19,7 @@
 #include <embree4/rtcore.h>
 #endif
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -222,4 +222,4 @@ bool RayTree::is_blocked(const Eigen::Vector3f& origin, const Eigen::Vector3f& d
     return ray.tfar < 0;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Makes trees, each in the thread that asks for it. Outlives them.
@@ -81,4 +81,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

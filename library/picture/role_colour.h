@@ -8,7 +8,7 @@
 
 #include "io/scene/handle_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Red, green, blue as a screen shows them.
@@ -39,4 +39,4 @@ constexpr PlainColour role_colour(Role role)
     return kFreeColour;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

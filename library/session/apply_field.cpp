@@ -4,7 +4,7 @@
 #include "octree/base/parallel.h"
 #include "solver/field/turning.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -91,4 +91,4 @@ std::vector<Eigen::Vector3d> moved_places(const WorkFrame& frame,
     return displacements;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "library/session/work_frame.h"
 #include "solver/field/field.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Vectors, or rotations, each at one of the places.
@@ -53,4 +53,4 @@ std::vector<Eigen::Vector3d> moved_places(const WorkFrame& frame,
                                           std::span<const Eigen::Vector3d> rest,
                                           std::vector<Eigen::Vector3d> displacements);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "octree/base/parallel.h"
 #include "octree/lids.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -454,4 +454,4 @@ Body cut(std::shared_ptr<const RestShape> rest, Octree octree, const Body* earli
             std::move(cells), std::move(cell_of_sample), {}};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -25,7 +25,7 @@
 #include "octree/pieces.h"
 #include "octree/sheet.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class CellSystem;
@@ -129,4 +129,4 @@ Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& setti
 Body cut(std::shared_ptr<const RestShape> rest, Octree octree,
          const Body* earlier = nullptr);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "octree/base/segment.h"
 #include "octree/distance_transform.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -264,4 +264,4 @@ std::vector<std::string> binding_warnings(const SkeletonBinding& binding,
     return warnings;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "library/session/regions.h"
 #include "library/session/skeleton_handle.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How the bones of one joint lie in the material.
@@ -43,4 +43,4 @@ std::vector<Region> bone_regions(const SkeletonHandle& skeleton, const RestShape
 std::vector<std::string> binding_warnings(const SkeletonBinding& binding,
                                           const std::string& file);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -29,7 +29,7 @@
 #include "octree/base/point_tree.h"
 #include "octree/base/smooth_step.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -260,4 +260,4 @@ std::vector<double> border_bending(const Body& body, const RegionSet& regions,
     return bending;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "library/session/body.h"
 #include "library/session/region_set.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The `bending` of build_glue() where faces lie around a region that is a small disc of
@@ -19,4 +19,4 @@ namespace cellwarp
 std::vector<double> border_bending(const Body& body, const RegionSet& regions,
                                    std::span<const RegionShares> shares);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

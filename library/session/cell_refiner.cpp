@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "solver/cells/refinement.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -490,4 +490,4 @@ void CellRefiner::hand_on(const CellSystem& from, CellSystem& to) const
     to.set_state(poses, from);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "library/session/cell_system.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Starts with the coarsest cells that leave every region one of its own.
@@ -106,4 +106,4 @@ private:
     int num_at_limit_ = 0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -22,7 +22,7 @@
 #include "solver/cells/refinement.h"
 #include "solver/field/region_points.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -1089,4 +1089,4 @@ double CellSystem::largest_gap() const
                : *std::max_element(gaps.begin(), gaps.end()) / rest().frame.diagonal();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -21,7 +21,7 @@
 #include "solver/cells/initial_guess.h"
 #include "solver/field/field.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct CellSystemSettings
@@ -313,4 +313,4 @@ private:
     std::vector<Motion> steps_; ///< of the regions, then of the stations
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -137,4 +137,4 @@ void Checkpoints::thin()
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

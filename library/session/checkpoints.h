@@ -18,7 +18,7 @@
 #include "library/session/frame_report.h"
 #include "library/session/script_fingerprint.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What a stage starts from.
@@ -83,4 +83,4 @@ private:
     std::vector<Checkpoint> states_; ///< in the order of their places
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -242,4 +242,4 @@ std::vector<FoundContact> ContactFinder::find(std::span<const Pose> poses) const
     return all;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

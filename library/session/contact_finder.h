@@ -14,7 +14,7 @@
 #include "solver/cells/constraints.h"
 #include "solver/cells/contact_term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct FoundContact
@@ -54,4 +54,4 @@ private:
     std::vector<std::vector<std::size_t>> points_; ///< of each cell
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

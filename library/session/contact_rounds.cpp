@@ -8,7 +8,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -105,4 +105,4 @@ SolveReport solve_in_contact(const SolvedInContact& of, const SolveOptions& opti
     return report;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

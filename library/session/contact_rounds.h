@@ -8,7 +8,7 @@
 #include "library/session/contact_finder.h"
 #include "solver/minimize/newton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The objects that a solve in contact works on.
@@ -27,4 +27,4 @@ struct SolvedInContact
 /// most eight times: then it is as at the limit of iterations.
 SolveReport solve_in_contact(const SolvedInContact& of, const SolveOptions& options);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include "io/base/error.h"
 #include "library/session/flat.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -114,4 +114,4 @@ catch (const Error&)
     return false;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "library/session/body.h"
 #include "library/session/handle_trajectory.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The plane that a stage is kept in where cells.flat is left open and its first frame
@@ -53,4 +53,4 @@ private:
     bool is_askew_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/parallel.h"
 #include "octree/distance_transform.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -415,7 +415,7 @@ void Deformation::Map::carry(const Carried& carried) const
                             own[i] = cell_at(work[i]);
                         }
                     });
-    cellwarp::apply_field(*field, frame, work, own, carried);
+    cellwarp::core::apply_field(*field, frame, work, own, carried);
 }
 
 double memory_of(const FieldFile& file)
@@ -489,4 +489,4 @@ void Deformation::carry(const Carried& carried) const
         map->carry(carried);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

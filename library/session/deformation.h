@@ -14,7 +14,7 @@
 #include "library/session/cell_system.h"
 #include "solver/field/field.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What is kept of a system and its field: all that moves a point.
@@ -61,4 +61,4 @@ private:
     std::uint32_t checksum_ = 0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

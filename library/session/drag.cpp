@@ -5,7 +5,7 @@
 
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Drag::Drag(CellSystem system, const DragSettings& settings,
@@ -69,4 +69,4 @@ void Drag::start_from(const CellSystemState& state)
     blend();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

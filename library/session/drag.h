@@ -11,7 +11,7 @@
 #include "library/session/cell_system.h"
 #include "solver/field/sample_blend.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct DragSettings
@@ -61,4 +61,4 @@ private:
     std::vector<Motion> faded_motions_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

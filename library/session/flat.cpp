@@ -7,7 +7,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -187,4 +187,4 @@ void keep_in_plane(const Eigen::Vector3d& normal,
             moved[i] -= normal.dot(moved[i] - rest[i]) * normal;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

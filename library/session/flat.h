@@ -10,7 +10,7 @@
 #include "library/session/work_frame.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What is no farther from a plane lies in it [diagonal].
@@ -43,4 +43,4 @@ void keep_in_plane(const Eigen::Vector3d& normal,
                    const std::vector<Eigen::Vector3d>& rest,
                    std::vector<Eigen::Vector3d>& moved);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

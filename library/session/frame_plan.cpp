@@ -15,7 +15,7 @@
 #include "octree/base/half_turn.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -444,4 +444,4 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
     return plan;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "library/session/region_set.h"
 #include "library/session/skeleton_handle.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where the statements so far have a region.
@@ -90,4 +90,4 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      std::span<const std::shared_ptr<const SplineState>> led,
                      StageAims& aims, std::vector<std::string>& warnings);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "solver/minimize/newton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The way of a frame gone again in its last cells, because it might have missed a lower
@@ -62,4 +62,4 @@ struct FrameReport
     double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/stop_scope.h"
 #include "solver/cells/refinement.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -628,4 +628,4 @@ void FrameSolver::solve(FrameReport& report)
     report.solve.energy_before = way.energy_before;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

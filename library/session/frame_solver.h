@@ -16,7 +16,7 @@
 #include "library/session/session_settings.h"
 #include "library/session/spline_holds.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class FrameSolver
@@ -75,4 +75,4 @@ private:
     bool is_left_wound_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

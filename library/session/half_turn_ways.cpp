@@ -8,7 +8,7 @@
 
 #include "library/session/frame_solver.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -107,4 +107,4 @@ SolvedWays solve_half_turns(CellSystem& system, CellRefiner& refiner,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

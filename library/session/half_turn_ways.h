@@ -12,7 +12,7 @@
 #include "library/session/frame_report.h"
 #include "library/session/session_settings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct SolvedWays
@@ -29,4 +29,4 @@ SolvedWays solve_half_turns(CellSystem& system, CellRefiner& refiner,
                             const FramePlan& plan, const SessionSettings& settings,
                             std::size_t frames_done, FrameReport& report);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "octree/base/index.h"
 #include "octree/base/nearest_rotation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -313,4 +313,4 @@ int HandleTrajectory::num_parts(const Eigen::Vector3d& low, const Eigen::Vector3
     return parts_of_way(turn, diagonal > 0 ? way / diagonal : 0.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

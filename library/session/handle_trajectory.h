@@ -14,7 +14,7 @@
 #include "library/session/work_frame.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What turns a file's numbers into work coordinates.
@@ -103,4 +103,4 @@ private:
     bool is_same_ = true, is_reversed_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "io/base/error.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -164,4 +164,4 @@ std::vector<std::string> holding_warnings(const CellSystem& system,
     return warnings;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

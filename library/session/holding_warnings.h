@@ -7,7 +7,7 @@
 
 #include "library/session/cell_system.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Warnings where nothing but one handle is held, where all is held, where a handle holds
@@ -16,4 +16,4 @@ namespace cellwarp
 std::vector<std::string> holding_warnings(const CellSystem& system,
                                           const std::string& file);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

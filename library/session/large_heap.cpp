@@ -9,7 +9,7 @@
 #include <malloc.h>
 #endif
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -200,4 +200,4 @@ void LargeHeap::release(Extent& extent) noexcept
     extent.kept = 0;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

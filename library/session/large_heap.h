@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <mutex>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Arrays lie side by side in blocks of many large pages, so that only the ends of a
@@ -67,4 +67,4 @@ extern LargeHeap large_heap;
 /// Returns to the system what the C library and large_heap hold of freed memory.
 void release_freed_memory() noexcept;
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "library/session/handle_trajectory.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -108,4 +108,4 @@ int parts_between(const SplineHandle& rod, const SplineState& from, const Spline
     return parts_of_way(turn, size > 0 ? way / size : 0.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

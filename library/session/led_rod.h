@@ -9,7 +9,7 @@
 #include "library/session/spline_handle.h"
 #include "library/session/work_frame.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// It carries cells as any other rod does.
@@ -45,4 +45,4 @@ std::shared_ptr<const SplineState> on_the_way(const SplineHandle& rod,
 int parts_between(const SplineHandle& rod, const SplineState& from, const SplineState& to,
                   double size);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "library/session/body.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -84,4 +84,4 @@ std::vector<LimbEnd> limb_ends(const std::vector<LimbJoint>& joints,
     return ends;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "io/formats/geometry.h"
 #include "octree/limb_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// limb_tree() of a model, two joints at the least. \p path names it. Throws
@@ -32,4 +32,4 @@ struct LimbEnd
 std::vector<LimbEnd> limb_ends(const std::vector<LimbJoint>& joints,
                                const Geometry& geometry);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -22,7 +22,7 @@
 #include "octree/base/half_turn.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -299,4 +299,4 @@ CarriedLine carried_along(std::span<const LineStation> rest,
     return line;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The way of a line between two states. A state is one rotation a station: that of its
@@ -83,4 +83,4 @@ Eigen::Matrix3d shortest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d
 /// Whether there is no shortest turn.
 bool are_opposite(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

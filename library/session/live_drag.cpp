@@ -12,7 +12,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -309,4 +309,4 @@ Refining LiveDrag::take_refining()
     return std::move(state_->refining);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

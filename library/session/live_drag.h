@@ -13,7 +13,7 @@
 #include "library/session/prepared_drag.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How the last frames of a drag went.
@@ -60,4 +60,4 @@ private:
     std::unique_ptr<State> state_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

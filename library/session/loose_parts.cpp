@@ -22,7 +22,7 @@
 #include "octree/base/nearest_rotation.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -292,4 +292,4 @@ std::vector<FoundContact> LooseParts::contacts(std::span<const Pose> poses) cons
     return finder_ ? finder_->find(poses) : std::vector<FoundContact>();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "solver/cells/cell_minimizer.h"
 #include "solver/field/region_fade.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Samples of a loose part that are no more than a voxel off a part before it in their
@@ -71,4 +71,4 @@ private:
     std::optional<CellMinimizer> minimizer_; ///< of the contacts; none: not needed yet
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

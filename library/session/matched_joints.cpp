@@ -20,7 +20,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -394,4 +394,4 @@ MatchedJoints matched_joints(const std::vector<SkeletonJoint>& joints,
     return ByShape(joints, other).find();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "io/scene/skeleton_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct MatchedJoints
@@ -29,4 +29,4 @@ MatchedJoints matched_joints(const std::vector<SkeletonJoint>& joints,
 /// The number of each joint's parent, or -1.
 std::vector<int> parents_of(const std::vector<SkeletonJoint>& joints);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

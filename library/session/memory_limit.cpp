@@ -24,7 +24,7 @@
 #include "io/formats/gltf_memory.h"
 #include "library/session/large_heap.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -320,4 +320,4 @@ void check_memory_of_file(const std::string& path, double max_memory)
                                           in_bytes(max_memory) + ")"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

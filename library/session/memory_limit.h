@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What the process has, and 70 % of what is there [byte]: what the system says is
@@ -24,4 +24,4 @@ double memory_with(double more, double max_memory);
 /// \p max_memory [byte] (0: no limit). A file that is not there is no concern of it.
 void check_memory_of_file(const std::string& path, double max_memory);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -65,4 +65,4 @@ std::vector<FrameStatement> posed_frames(const SkeletonValues&, std::optional<do
     refuse_skeletons();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

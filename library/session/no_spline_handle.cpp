@@ -5,7 +5,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -35,4 +35,4 @@ std::unique_ptr<PushingSplines> make_pushing_splines(CellState&, const GlueTerm&
     refuse_rods();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include "io/formats/face_triangles.h"
 #include "library/session/work_frame.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 PassThrough pass_through(const Geometry& geometry,
@@ -42,4 +42,4 @@ PassThrough pass_through(const Geometry& geometry,
     return result;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

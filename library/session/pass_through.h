@@ -11,7 +11,7 @@
 #include "io/formats/geometry.h"
 #include "octree/self_intersections.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct PassThrough
@@ -33,4 +33,4 @@ PassThrough pass_through(const Geometry& geometry,
                          const std::vector<Eigen::Vector3d>& deformed,
                          const PassThroughOptions& options);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

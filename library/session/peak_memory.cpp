@@ -12,7 +12,7 @@
 
 #include "library/session/large_heap.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -69,4 +69,4 @@ double peak_memory_mb()
     return static_cast<double>(usage.ru_maxrss) / kKilobytesPerMb;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 // asks the system to forget an earlier peak.
 #pragma once
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Largest resident memory of this process in its whole life [MB].
@@ -25,4 +25,4 @@ private:
     bool is_since_start_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

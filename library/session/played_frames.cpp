@@ -10,7 +10,7 @@
 #include "library/session/skeleton_handle.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -171,4 +171,4 @@ SkeletonValues played_skeleton(const SceneFile& scene, const HandleFile& handles
     return skeleton;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

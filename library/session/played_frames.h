@@ -6,7 +6,7 @@
 #include "io/scene/handle_file.h"
 #include "io/scene/scene_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The skeleton of \p scene and what moves it: its keys or the motion of its file; or, if
@@ -19,4 +19,4 @@ namespace cellwarp
 SkeletonValues played_skeleton(const SceneFile& scene, const HandleFile& handles,
                                const Geometry& geometry);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

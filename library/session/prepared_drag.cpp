@@ -4,7 +4,7 @@
 #include "library/session/sample_normals.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -80,4 +80,4 @@ std::optional<PreparedDrag> refined(const DragSource& source,
     return prepare_drag(std::move(finer));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

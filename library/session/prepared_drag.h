@@ -11,7 +11,7 @@
 #include "library/session/drag.h"
 #include "library/session/shape.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All that a drag is made of. A value: the threads share nothing that changes.
@@ -50,4 +50,4 @@ void start_from(PreparedDrag& made, DragSource source);
 std::optional<PreparedDrag> refined(const DragSource& source,
                                     const CellSystemState& state);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 #include "octree/base/index.h"
 #include "solver/coupled/pushing_rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -107,4 +107,4 @@ std::unique_ptr<PushingSplines> make_pushing_splines(CellState& cells,
     return std::make_unique<Pushing>(cells, glue, std::move(rods));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

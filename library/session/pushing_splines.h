@@ -11,7 +11,7 @@
 #include "octree/base/rigid_motion.h"
 #include "solver/cells/companion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A rod and its cells.
@@ -46,4 +46,4 @@ std::unique_ptr<PushingSplines> make_pushing_splines(CellState& cells,
                                                      const GlueTerm& glue,
                                                      std::vector<PushingSpline> rods);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

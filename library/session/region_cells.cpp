@@ -14,7 +14,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -386,4 +386,4 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
     return borders;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "library/session/region_set.h"
 #include "solver/cells/glue.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Which region prescribes each cell, by index; -1 if none. The share must be at
@@ -39,4 +39,4 @@ std::vector<double> cell_factors(const RegionSet& regions,
 std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
                                     std::span<const int> region_of_cell);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

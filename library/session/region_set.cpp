@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -326,4 +326,4 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
     return result;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "library/session/skeleton_handle.h"
 #include "octree/voxel_runs.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How much of each cell's material belongs to a region, by volume. Crumbs make no cell
@@ -98,4 +98,4 @@ private:
     std::vector<Overlap> overlaps_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

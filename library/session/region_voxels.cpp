@@ -7,7 +7,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -228,4 +228,4 @@ std::vector<std::uint32_t> voxels_on_bone(const Region& region, const VoxelGrid&
     return voxels;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

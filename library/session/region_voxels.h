@@ -9,7 +9,7 @@
 #include "library/session/regions.h"
 #include "octree/voxel_runs.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The voxels whose centres lie in the shapes of a region; of a rod also those that its
@@ -20,4 +20,4 @@ VoxelRuns voxels_in_shapes(const Region& region, const RestShape& rest);
 /// border of two cells it is in both.
 std::vector<std::uint32_t> voxels_on_bone(const Region& region, const VoxelGrid& grid);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

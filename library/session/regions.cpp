@@ -15,7 +15,7 @@
 #include "library/session/spline_region.h"
 #include "octree/base/segment.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -391,4 +391,4 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
     return regions;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -21,7 +21,7 @@
 #include "library/session/spline_handle.h"
 #include "octree/coincident_samples.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A geometric selector in model coordinates.
@@ -119,4 +119,4 @@ std::string line_note(const Region& region);
 std::string nearest_sample_note(const Region& region,
                                 const std::vector<Eigen::Vector3d>& samples);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -25,7 +25,7 @@
 #include "octree/base/bounding_box.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -299,4 +299,4 @@ SkeletonValues moving_skeleton(const SkeletonScene& scene, const std::string& pa
     return skeleton;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

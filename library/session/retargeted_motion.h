@@ -7,7 +7,7 @@
 #include "io/scene/skeleton_file.h"
 #include "io/scene/skeleton_scene.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Turns for the joints of \p skeleton, and shifts of its root, that move its bones as
@@ -26,4 +26,4 @@ void retarget(const SkeletonValues& source, const MotionStatement& motion,
 /// motion without keys.
 SkeletonValues moving_skeleton(const SkeletonScene& scene, const std::string& path);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -67,4 +67,4 @@ std::vector<RodReport> rod_reports(const CellSystem& system,
     return reports;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

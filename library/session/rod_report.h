@@ -12,7 +12,7 @@
 #include "library/session/cell_system.h"
 #include "library/session/frame_plan.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A rod or curve in the last frame. Lengths [model unit].
@@ -44,4 +44,4 @@ struct RodReport
 std::vector<RodReport> rod_reports(const CellSystem& system,
                                    std::span<const RegionAim> aims);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -95,4 +95,4 @@ normals_of_smooth(const Geometry& geometry)
     { return sample_normals(geometry, samples); };
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Unit normals of the samples, as their faces around have them by area; none for a
@@ -27,4 +27,4 @@ bool is_smooth(const Geometry& geometry);
 std::function<std::vector<Eigen::Vector3d>(std::span<const Eigen::Vector3d>)>
 normals_of_smooth(const Geometry& geometry);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

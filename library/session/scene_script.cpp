@@ -7,7 +7,7 @@
 #include "library/session/retargeted_motion.h"
 #include "library/session/skeleton_handle.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& handles,
@@ -47,4 +47,4 @@ std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& h
     return file;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/scene/handle_file.h"
 #include "io/scene/scene_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The statements of the file \p handles (empty: none), behind the joints of the scene's
@@ -18,4 +18,4 @@ namespace cellwarp
 std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& handles,
                                     std::vector<std::string>& warnings);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

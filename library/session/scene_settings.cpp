@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "library/session/scene_settings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void use(const Departures& departures, SessionSettings& settings)
@@ -59,4 +59,4 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
     return settings;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

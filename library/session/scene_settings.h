@@ -5,7 +5,7 @@
 #include "io/scene/scene_file.h"
 #include "library/session/session.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What the scene leaves out has its default. \p is_preview: with the field of drags.
@@ -15,4 +15,4 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview = false);
 /// paper's solver.
 void use(const Departures& departures, SessionSettings& settings);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "octree/base/hash.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -180,4 +180,4 @@ std::uint64_t ScriptFingerprint::before_next(std::uint64_t before, const Stage& 
     return fingerprint.value();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

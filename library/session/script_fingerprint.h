@@ -9,7 +9,7 @@
 
 #include "io/scene/handle_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A place in a handle file: so many frames of this stage are done.
@@ -55,4 +55,4 @@ private:
     std::vector<StageFingerprints> stages_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

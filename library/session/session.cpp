@@ -23,7 +23,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -848,4 +848,4 @@ FieldFile Session::field_file() const
     return file;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

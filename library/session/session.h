@@ -27,7 +27,7 @@
 #include "library/session/session_settings.h"
 #include "solver/field/field.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What parts were built, counted where they are built.
@@ -174,4 +174,4 @@ private:
     std::unique_ptr<const Standing> stopped_; ///< where to go on after Stopped
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "solver/field/field.h"
 #include "solver/minimize/newton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where a session is: frames done, and how far the next one is.
@@ -43,4 +43,4 @@ struct SessionSettings
     std::function<void(const FrameProgress&)> watch = {};
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -267,4 +267,4 @@ ShownCells shown_cells(const CellSystem& system, std::span<const Pose> poses,
     return shown;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

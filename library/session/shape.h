@@ -17,7 +17,7 @@
 #include "library/session/work_frame.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// In which order the samples stand, and what joins them there. Lasts while the cells do.
@@ -97,4 +97,4 @@ std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& vi
 ShownCells shown_cells(const CellSystem& system, std::span<const Pose> poses,
                        const WorkFrame& view);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

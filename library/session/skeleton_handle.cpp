@@ -15,7 +15,7 @@
 #include "solver/skeleton/reach.h"
 #include "solver/skeleton/skeleton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -499,4 +499,4 @@ std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
     return frames;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "library/session/handle_trajectory.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A joint that stays at a place: those of the chain turn for it.
@@ -127,4 +127,4 @@ std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
                                          const std::string& file,
                                          std::vector<std::string>& warnings);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

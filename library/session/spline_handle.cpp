@@ -29,7 +29,7 @@
 #include "solver/rods/rod_newton.h"
 #include "solver/rods/spline.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -639,4 +639,4 @@ std::shared_ptr<const SplineHandle> make_led_handle(const Spline& rest, double r
     return std::make_shared<const Handle>(rest, radius);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "octree/base/rigid_motion.h"
 #include "solver/cells/constraints.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class RodState;
@@ -138,4 +138,4 @@ make_spline_handle(const SplineStatement& statement,
 /// [work], without points to hold.
 std::shared_ptr<const SplineHandle> make_led_handle(const Spline& rest, double radius);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -234,4 +234,4 @@ SplineHolds HoldWay::at(double t) const
     return holds;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "library/session/line_bending.h"
 #include "library/session/spline_handle.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The point whose frame is carried along a rod: the first one that is held as at rest,
@@ -63,4 +63,4 @@ private:
     std::vector<char> stays_; ///< a point's frame
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/segment.h"
 #include "octree/centre_line.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -173,4 +173,4 @@ void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3
         region.shapes = tube_of(*region.spline, units);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

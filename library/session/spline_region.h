@@ -12,7 +12,7 @@
 #include "library/session/led_rod.h"
 #include "library/session/regions.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Points of a rod on the centre line of the limb at the samples \p near, or of the whole
@@ -32,4 +32,4 @@ void put_led_rod(const LedRod& rod, const Units& units, Region& region);
 void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3d> points,
                 const Units& units, const std::string& file, Region& region);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -71,4 +71,4 @@ Eigen::Matrix3Xd TurnChains::turns(std::span<const Pose> poses) const
     return turns;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

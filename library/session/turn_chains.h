@@ -12,7 +12,7 @@
 #include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Immutable. Of each connected part, chains of glued cells from one of its regions to
@@ -31,4 +31,4 @@ private:
     std::vector<std::vector<int>> chains_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

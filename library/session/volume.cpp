@@ -9,7 +9,7 @@
 #include "io/formats/face_triangles.h"
 #include "octree/base/edges.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -64,4 +64,4 @@ std::optional<Volume> enclosed_volumes(const Geometry& geometry,
                   enclosed_volume(geometry, samples)};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

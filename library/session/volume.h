@@ -8,7 +8,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What a closed mesh encloses.
@@ -22,4 +22,4 @@ struct Volume
 std::optional<Volume> enclosed_volumes(const Geometry& geometry,
                                        const std::vector<Eigen::Vector3d>& samples);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "octree/base/nearest_rotation.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -161,4 +161,4 @@ WorkFrame given_frame(const FrameBox& box, const std::string& file)
     return frame;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "io/scene/scene_file.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct WorkFrame
@@ -53,4 +53,4 @@ WorkFrame automatic_frame(const ModelBox& box);
 /// (to 1e-4; made exact from there).
 WorkFrame given_frame(const FrameBox& box, const std::string& file);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

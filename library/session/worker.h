@@ -12,7 +12,7 @@
 
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What the thread does is given to start(), and takes its requests by next() or wait().
@@ -153,4 +153,4 @@ private:
     std::jthread thread_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -288,4 +288,4 @@ std::vector<FileReport> apply_to_batch(const Deformation& deformation,
     return Batch(deformation, files, manifest, settings).run();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

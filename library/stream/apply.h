@@ -13,7 +13,7 @@
 #include "io/formats/stream.h"
 #include "library/session/deformation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct ApplySettings
@@ -77,4 +77,4 @@ std::vector<FileReport> apply_to_batch(const Deformation& deformation,
                                        const std::string& manifest,
                                        const ApplySettings& settings);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

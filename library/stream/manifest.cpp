@@ -18,7 +18,7 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -196,4 +196,4 @@ void Manifest::add(const ManifestLine& line)
         throw manifest_error(path_, "write");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

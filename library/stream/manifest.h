@@ -9,7 +9,7 @@
 
 #include "io/base/descriptor.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What tells an input from another one, and the field with which it was moved.
@@ -54,4 +54,4 @@ private:
     std::mutex mutex_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <set>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -192,4 +192,4 @@ std::vector<Saving> savings_of(std::span<const SweepRow> rows)
     return all;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "library/study/sweep.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How fast one measure of the error falls: the power of the cell edge.
@@ -60,4 +60,4 @@ struct Saving
 /// row to the next, which then counts whole.
 std::vector<Saving> savings_of(std::span<const SweepRow> rows);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

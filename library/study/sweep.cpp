@@ -15,7 +15,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -634,4 +634,4 @@ Session play_case(const SweepInput& input, const SweepSettings& settings,
     return played(input, session_settings(settings, of)).session;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 
 #include "library/session/session.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class SweepKind
@@ -202,4 +202,4 @@ SweepResult run_sweep(const SweepInput& input, const SweepSettings& settings,
 Session play_case(const SweepInput& input, const SweepSettings& settings,
                   const SweepCase& of);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "library/session/led_rod.h"
 #include "library/time/rod_part.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A carrier as it was at the start.
@@ -158,4 +158,4 @@ void CarriedModel::follow(const Simulation& simulation, bool wants_samples)
     session_.next_frame(wants_samples);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

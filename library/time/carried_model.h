@@ -10,7 +10,7 @@
 #include "library/session/session.h"
 #include "library/time/simulation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class CarriedModel
@@ -40,4 +40,4 @@ private:
     Session session_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

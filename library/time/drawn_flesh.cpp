@@ -17,7 +17,7 @@
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/drawn_cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -341,4 +341,4 @@ int drawn_cell_of(const Lattice& lattice, const Vector3d& metres)
     return -1;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

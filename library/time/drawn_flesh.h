@@ -17,7 +17,7 @@
 #include "solver/flesh/drawn_forest.h"
 #include "solver/flesh/lattice.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All that lattices of the same drawn cells have in common.
@@ -55,4 +55,4 @@ DrawnLattice lattice_of(const DrawnFlesh& drawn, const Octree& octree);
 /// The cell of a drawn lattice that holds a point; negative: none.
 int drawn_cell_of(const Lattice& lattice, const Eigen::Vector3d& metres);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

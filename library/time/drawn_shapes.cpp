@@ -7,7 +7,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -123,4 +123,4 @@ void add_tile(const Vector3d& normal, double offset, const Vector3d& middle, dou
     out.groups.back().end_face = out.num_faces();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

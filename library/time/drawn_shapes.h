@@ -13,7 +13,7 @@
 #include "io/formats/geometry.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Colour = std::array<std::uint8_t, 3>;
@@ -43,4 +43,4 @@ void add_mesh(const Geometry& mesh, Geometry& out);
 void add_tile(const Eigen::Vector3d& normal, double offset, const Eigen::Vector3d& middle,
               double half, Geometry& out);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

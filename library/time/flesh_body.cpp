@@ -17,7 +17,7 @@
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/bone_tube.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -396,4 +396,4 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
     return body;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

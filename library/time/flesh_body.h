@@ -16,7 +16,7 @@
 #include "solver/flesh/flesh.h"
 #include "solver/flesh/leaving_nodes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All lengths are in metres, in the axes of the work frame.
@@ -83,4 +83,4 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> model);
 FleshBody build_flesh(std::shared_ptr<const FleshModel> model, const Octree& octree,
                       const Octree& coarser);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

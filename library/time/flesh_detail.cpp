@@ -13,7 +13,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -304,4 +304,4 @@ CarriedState carried_to(const FleshBody& to, const FleshBody& from,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

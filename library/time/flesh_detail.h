@@ -14,7 +14,7 @@
 #include "solver/flesh/flesh.h"
 #include "solver/flesh/leaving_nodes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How long detail takes to leave, and has to be idle before [s].
@@ -86,4 +86,4 @@ struct CarriedState
 CarriedState carried_to(const FleshBody& to, const FleshBody& from,
                         const FleshState& state);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

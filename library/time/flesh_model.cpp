@@ -13,7 +13,7 @@
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -314,4 +314,4 @@ std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> ge
     return model;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

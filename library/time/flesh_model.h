@@ -19,7 +19,7 @@
 #include "solver/flesh/flesh.h"
 #include "solver/skeleton/joint_keys.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct DrawnFlesh;
@@ -87,4 +87,4 @@ std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> ge
                                               const SkeletonValues& skeleton,
                                               const CellSettings& cells, bool is_tight);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -24,7 +24,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -741,4 +741,4 @@ std::vector<std::array<Vector3d, 8>> FleshSimulation::drawn_cells() const
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

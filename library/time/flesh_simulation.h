@@ -22,7 +22,7 @@
 #include "library/time/flesh_detail.h"
 #include "library/time/smooth_samples.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What a moment measures, and the steps since the last one.
@@ -166,4 +166,4 @@ private:
     bool is_finite_ = true, has_told_of_most_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

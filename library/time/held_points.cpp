@@ -7,7 +7,7 @@
 #include "octree/base/index.h"
 #include "solver/flesh/step_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -82,4 +82,4 @@ void guide_what_is_not_bound(const FleshModel& model, const Flesh& flesh,
     held.guided.insert(held.guided.end(), as_rows.begin(), as_rows.end());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

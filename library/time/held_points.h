@@ -10,7 +10,7 @@
 #include "library/time/flesh_model.h"
 #include "solver/flesh/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct HeldPoints
@@ -45,4 +45,4 @@ void guide_what_is_not_bound(const FleshModel& model, const Flesh& flesh,
 /// A point this far beside a cell lies in it [edge].
 inline constexpr double kBeside = 1e-6;
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/pieces.h"
 #include "solver/joined/flesh_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -203,4 +203,4 @@ void JoinedSimulation::next_frame(const std::function<void()>& watch)
              flesh_.steps_done() % flesh_.steps_a_frame() != 0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "library/time/flesh_simulation.h"
 #include "library/time/simulation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class JoinedSimulation
@@ -46,4 +46,4 @@ private:
     std::vector<std::string> warnings_; ///< of the statements
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

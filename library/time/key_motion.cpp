@@ -10,7 +10,7 @@
 
 #include "octree/base/half_turn.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -139,4 +139,4 @@ Motion motion_at(std::vector<RodKey> keys, double time, const Eigen::Vector3d& a
     return {R, about - R * about + vector_of(between.translate)};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/scene/rod_scene.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 inline Eigen::Vector3d vector_of(const Triple& t)
@@ -31,4 +31,4 @@ double size_at(const SizeInTime& of, double time);
 /// How far keys turn between two times, there and back added up [degree].
 double turned(const std::vector<RodKey>& keys, double begin, double end);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "octree/base/segment.h"
 #include "solver/cells/glue_distances.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -172,4 +172,4 @@ std::vector<FleshRegionShares> region_weights(const FleshModel& model,
     return regions;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

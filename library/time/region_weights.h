@@ -10,7 +10,7 @@
 #include "octree/cells.h"
 #include "solver/flesh/blended_regions.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The vertices of a drawn lattice's file, and each node as a mean of them.
@@ -31,4 +31,4 @@ std::vector<FleshRegionShares> region_weights(const FleshModel& model,
                                               std::span<const int> cell_of_sample,
                                               const ControlShares* vertices = nullptr);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

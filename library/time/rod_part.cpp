@@ -19,7 +19,7 @@
 #include "solver/rods/springs.h"
 #include "solver/rods/tensor_stretch.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -631,7 +631,7 @@ double RodPart::turned(double begin, double end) const
 {
     double largest = 0.0;
     for (const Held& held : held_)
-        largest = std::max(largest, cellwarp::turned(*held.keys, begin, end));
+        largest = std::max(largest, cellwarp::core::turned(*held.keys, begin, end));
     return largest;
 }
 
@@ -803,7 +803,7 @@ void RodPart::add_skin(Geometry& out) const
             }
         }
         const std::size_t group = out.groups.size();
-        cellwarp::add_skin(centres, radius, kSkin, out);
+        cellwarp::core::add_skin(centres, radius, kSkin, out);
         out.groups[group].name = piece.name;
     }
 }
@@ -848,4 +848,4 @@ void RodPart::add_tube(int around, Geometry& out) const
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "solver/rods/rod_object.h"
 #include "solver/rods/rod_refinement.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class RodPart
@@ -162,4 +162,4 @@ private:
     std::vector<double> joined_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -28,7 +28,7 @@
 #include "solver/rods/rod_stepper.h"
 #include "solver/rods/spline_sheet.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -1210,4 +1210,4 @@ Geometry Simulation::stage(int around) const
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "io/formats/geometry.h"
 #include "io/scene/rod_scene.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class ArticulableObject;
@@ -194,4 +194,4 @@ private:
     double stopped_violation_ = 0.0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -224,4 +224,4 @@ void add_skin(std::span<const Vector3d> centres, double radius, const Colour& co
     out.groups.back().end_face = out.num_faces();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

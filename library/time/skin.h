@@ -9,7 +9,7 @@
 #include "io/formats/geometry.h"
 #include "library/time/solid_shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// \p centres stand half a \p radius apart along curves: around them the surface has that
@@ -21,4 +21,4 @@ void add_skin(std::span<const Eigen::Vector3d> centres, double radius,
 
 inline constexpr std::size_t kMostSkinCells = 50'000'000;
 
-} // namespace cellwarp
+} // namespace cellwarp::core

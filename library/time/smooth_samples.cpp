@@ -8,7 +8,7 @@
 #include "octree/base/parallel.h"
 #include "solver/field/blend.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -156,4 +156,4 @@ std::vector<FieldValue> SmoothSamples::values(const Eigen::VectorXd& u,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

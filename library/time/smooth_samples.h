@@ -14,7 +14,7 @@
 #include "solver/field/region_fade.h"
 #include "solver/flesh/smooth_map.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// All that does not change from frame to frame. Immutable, safe for many threads.
@@ -56,4 +56,4 @@ private:
     std::vector<NearBones> near_bones_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

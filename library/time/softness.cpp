@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -158,4 +158,4 @@ void refuse_without_rest(const FleshBody& body)
                                     softness.reach, shortest(softness.young)));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "library/time/flesh_body.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The place where the weight of the flesh beyond the held points is largest beside its
@@ -47,4 +47,4 @@ bool settles(const FleshBody& body);
 /// Throws Fault::Malformed where the flesh is softer than kSoftest.
 void refuse_without_rest(const FleshBody& body);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

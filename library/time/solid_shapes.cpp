@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -114,4 +114,4 @@ void add_sheet(const std::string& name, const std::vector<Vector3d>& points, int
     out.groups.back().end_face = out.num_faces();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "library/time/drawn_shapes.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The ball or box of even density that has the body's mass and inertia.
@@ -27,4 +27,4 @@ void add_sheet(const std::string& name, const std::vector<Eigen::Vector3d>& poin
 void add_net(const NetStatement& net, const std::vector<Eigen::Vector3d>& points,
              int around, Geometry& out);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The smallest box along the axes that holds the points; empty without points.
@@ -17,4 +17,4 @@ inline Eigen::AlignedBox3d box_around(std::span<const Eigen::Vector3d> points)
     return box;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

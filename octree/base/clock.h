@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Clock = std::chrono::steady_clock;
@@ -28,4 +28,4 @@ inline Clock::time_point time_after(Clock::time_point start, double seconds)
                               : Clock::time_point::max();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

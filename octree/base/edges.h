@@ -10,7 +10,7 @@
 
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Edge
@@ -54,4 +54,4 @@ void for_each_edge(std::size_t num_corners, const EachPass& each_pass, Visit&& v
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The distance from pi at which an angle still counts as a half turn [rad]: numbers that
@@ -16,4 +16,4 @@ inline constexpr double kHalfTurnRounding = 1e-6;
 /// pi + kHalfTurnRounding.
 bool is_half_turn(const Eigen::Matrix3d& R);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <xxhash.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::uint64_t hash_of(const void* bytes, std::size_t count, std::uint64_t seed)
@@ -18,4 +18,4 @@ std::uint64_t hash_of(const Eigen::Vector3d& x)
     return hash_of(signless.data(), sizeof signless);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

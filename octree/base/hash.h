@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The same on every machine with this order of bytes. \p seed: what came before.
@@ -25,4 +25,4 @@ constexpr std::uint64_t hash_of(std::uint64_t x)
 /// Of a place; a zero of either sign is one.
 std::uint64_t hash_of(const Eigen::Vector3d& x);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

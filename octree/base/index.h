@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <type_traits>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// An index for a container. \pre not negative
@@ -64,4 +64,4 @@ constexpr NumbersBelow<Number> numbers_below(std::size_t count)
     return NumbersBelow<Number>(count);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

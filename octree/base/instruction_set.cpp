@@ -3,7 +3,7 @@
 
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::span<const InstructionSet> instruction_sets()
@@ -22,4 +22,4 @@ std::span<const InstructionSet> instruction_sets()
     return sets;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <span>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class InstructionSet
@@ -19,4 +19,4 @@ enum class InstructionSet
 /// The ones that this processor has, the widest last.
 std::span<const InstructionSet> instruction_sets();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

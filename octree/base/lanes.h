@@ -12,7 +12,7 @@
 #define CELLWARP_WIDTH 2
 #endif
 
-namespace cellwarp::CELLWARP_LANES_FOR
+namespace cellwarp::core::CELLWARP_LANES_FOR
 {
 
 namespace
@@ -48,4 +48,4 @@ using Lanes = double __attribute__((vector_size(8 * CELLWARP_WIDTH)));
 
 } // namespace
 
-} // namespace cellwarp::CELLWARP_LANES_FOR
+} // namespace cellwarp::core::CELLWARP_LANES_FOR

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The bits of three numbers from 0 to 2^21 - 1, in turns.
@@ -24,4 +24,4 @@ inline std::uint64_t morton(const Eigen::Vector3i& v)
     return spread(v.x()) | spread(v.y()) << 1 | spread(v.z()) << 2;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& M)
@@ -17,4 +17,4 @@ Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& M)
     return U * svd.matrixV().transpose();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "octree/base/index.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -99,4 +99,4 @@ ThreadLimit::~ThreadLimit()
         left_behind = control_.release();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@ extern "C" void __tsan_acquire(void*);
 extern "C" void __tsan_release(void*);
 #endif
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A loop body seen through a pointer, so that no template carries the library.
@@ -127,4 +127,4 @@ private:
     std::unique_ptr<Control> control_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

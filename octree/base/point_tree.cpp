@@ -23,7 +23,7 @@
 #include <nanoflann.hpp>
 #undef fprintf
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -115,4 +115,4 @@ void PointTree::within(const Eigen::Vector3d& x, double distance,
         out.push_back({index, squared});
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A k-d tree over a copy of the points. Immutable, safe for many threads.
@@ -41,4 +41,4 @@ private:
     std::unique_ptr<Index> index_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

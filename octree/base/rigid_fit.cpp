@@ -14,7 +14,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -101,4 +101,4 @@ Motion rigid_fit_about(const Eigen::Vector3d& axis, std::span<const Eigen::Vecto
     return moments.motion(rotation_about(axis, std::atan2(sine, cosine)));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The rigid motion with the least sum of squared distances from the images of \p from
@@ -22,4 +22,4 @@ Motion rigid_fit(std::span<const Eigen::Vector3d> from,
 Motion rigid_fit_about(const Eigen::Vector3d& axis, std::span<const Eigen::Vector3d> from,
                        std::span<const Eigen::Vector3d> to);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 
 #include "octree/base/half_turn.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -130,4 +130,4 @@ Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R)
     return sign * 2.0 * std::atan2(sine, sign * q.w()) / sine * q.vec();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A rigid motion of space, x -> R x + t.
@@ -67,4 +67,4 @@ Pose shape_matched(const Pose& pose, const Twist& twist);
 /// an angle of up to pi + kHalfTurnRounding.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

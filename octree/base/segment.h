@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where the straight piece from \p a to \p b is nearest to \p x: a share of it in [0,
@@ -18,4 +18,4 @@ inline double nearest_share(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
     return squared > 0 ? std::clamp((x - a).dot(along) / squared, 0.0, 1.0) : 0.0;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// From 0 up to \p low to 1 from \p high on, without a corner.
@@ -13,4 +13,4 @@ inline double smooth_step(double low, double high, double x)
     return u * u * (3.0 - 2.0 * u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

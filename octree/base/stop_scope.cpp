@@ -3,7 +3,7 @@
 
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -57,4 +57,4 @@ bool is_stop_requested()
     return false;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The work was asked to end. What it changes is left as after any other exception.
@@ -122,4 +122,4 @@ private:
     bool is_deferral() const override { return true; }
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class UnionFind
@@ -40,4 +40,4 @@ private:
     std::vector<int> root_; ///< a smaller number of the same set, or itself
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include <gmp.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace exact_numbers
@@ -49,4 +49,4 @@ inline const bool do_throw = throw_without_memory();
 
 } // namespace exact_numbers
 
-} // namespace cellwarp
+} // namespace cellwarp::core

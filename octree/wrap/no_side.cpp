@@ -3,7 +3,7 @@
 // line.
 #include "octree/wrap/side.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 int side_of_line(const double a[2], const double b[2], double x, double y)
@@ -12,4 +12,4 @@ int side_of_line(const double a[2], const double b[2], double x, double y)
     return cross > 0 ? 1 : cross < 0 ? -1 : 0;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

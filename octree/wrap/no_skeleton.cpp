@@ -2,7 +2,7 @@
 // What a build without CGAL has instead of skeletons.
 #include "octree/wrap/skeleton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 bool has_curve_skeleton()
@@ -15,4 +15,4 @@ CurveSkeleton curve_skeleton(const Shape&)
     return {};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/wrap/triangle_pair.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 bool can_tell_triangle_pairs()
@@ -15,4 +15,4 @@ bool triangles_meet(const std::array<Eigen::Vector3d, 3>&,
     return false;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct TriangleTree::Tree
@@ -36,4 +36,4 @@ void TriangleTree::near(const Eigen::Vector3d& place, double reach,
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -2,7 +2,7 @@
 // What a build without CGAL has instead of a wrap.
 #include "octree/wrap/wrap.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Shape alpha_wrap(std::span<const Eigen::Vector3d>, double, double)
@@ -15,4 +15,4 @@ Shape alpha_wrap(const Shape&, double, double)
     return {};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

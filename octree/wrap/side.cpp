@@ -7,7 +7,7 @@
 
 #include "octree/wrap/exact_numbers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 int side_of_line(const double a[2], const double b[2], double x, double y)
@@ -16,4 +16,4 @@ int side_of_line(const double a[2], const double b[2], double x, double y)
     return CGAL::orientation(Point(a[0], a[1]), Point(b[0], b[1]), Point(x, y));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 // no_side.cpp in its place.
 #pragma once
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// 1 if the point (x, y) lies left of the line from \p a to \p b, -1 if right, 0 if on
@@ -11,4 +11,4 @@ namespace cellwarp
 /// products.
 int side_of_line(const double a[2], const double b[2], double x, double y);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 
 #include "octree/wrap/skeleton_bytes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -120,4 +120,4 @@ CurveSkeleton curve_skeleton(const Shape& surface)
     return skeleton;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

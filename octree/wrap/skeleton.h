@@ -10,7 +10,7 @@
 
 #include "octree/material.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct CurveSkeleton
@@ -30,4 +30,4 @@ bool has_curve_skeleton();
 /// cannot be started.
 CurveSkeleton curve_skeleton(const Shape& surface);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

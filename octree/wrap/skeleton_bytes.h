@@ -10,7 +10,7 @@
 
 #include "octree/wrap/skeleton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What the program ends with where it finds no memory.
@@ -126,4 +126,4 @@ inline bool read_bytes(std::string_view bytes, CurveSkeleton& skeleton)
     return is_good && reader.is_good();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -23,7 +23,7 @@
 
 #include "octree/wrap/skeleton_bytes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -122,7 +122,7 @@ int run()
 
 } // namespace
 
-} // namespace cellwarp
+} // namespace cellwarp::core
 
 int main()
 {
@@ -130,11 +130,11 @@ int main()
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     try
     {
-        return cellwarp::run();
+        return cellwarp::core::run();
     }
     catch (const std::bad_alloc&)
     {
-        return cellwarp::kSkeletonWithoutMemory;
+        return cellwarp::core::kSkeletonWithoutMemory;
     }
     catch (const std::exception&)
     {

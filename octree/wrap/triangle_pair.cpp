@@ -8,7 +8,7 @@
 
 #include "octree/wrap/exact_numbers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -71,4 +71,4 @@ bool triangles_meet(const std::array<Eigen::Vector3d, 3>& a,
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

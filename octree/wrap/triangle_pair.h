@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whether triangles_meet() can tell.
@@ -19,4 +19,4 @@ bool can_tell_triangle_pairs();
 bool triangles_meet(const std::array<Eigen::Vector3d, 3>& a,
                     const std::array<Eigen::Vector3d, 3>& b, int shared);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include <CGAL/AABB_tree.h>
 #include <CGAL/Simple_cartesian.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -77,4 +77,4 @@ void TriangleTree::near(const Eigen::Vector3d& place, double reach,
     std::sort(out.begin(), out.end());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

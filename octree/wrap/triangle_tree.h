@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class TriangleTree
@@ -37,4 +37,4 @@ private:
     std::unique_ptr<Tree> tree_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "octree/wrap/exact_numbers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -72,4 +72,4 @@ Shape alpha_wrap(const Shape& surface, double alpha, double offset)
     return shape_of(mesh);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

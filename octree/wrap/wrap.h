@@ -10,7 +10,7 @@
 
 #include "octree/material.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The closed, oriented surface around \p points that a ball of radius \p alpha rolls
@@ -24,4 +24,4 @@ Shape alpha_wrap(std::span<const Eigen::Vector3d> points, double alpha, double o
 /// corners, however small it is.
 Shape alpha_wrap(const Shape& surface, double alpha, double offset);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

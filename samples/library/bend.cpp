@@ -12,7 +12,7 @@
 #include "library/session/scene_settings.h"
 #include "library/session/session.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 int main(int count, char** names)
 try

@@ -14,7 +14,7 @@
 #include "solver/cells/glue_term.h"
 #include "solver/minimize/energy.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A state, its term, what is solved for with them, and their sum, which refers to all:
@@ -68,4 +68,4 @@ private:
     }
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The multigrid of the cells, made anew for the poses of the moment on request.
@@ -95,4 +95,4 @@ SolveReport CellMinimizer::minimize(std::vector<Pose>& poses, const SolveOptions
     return report;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

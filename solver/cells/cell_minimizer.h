@@ -14,7 +14,7 @@
 #include "solver/cells/rigid_multigrid.h"
 #include "solver/minimize/newton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Norms of the gradient over the unknowns.
@@ -80,4 +80,4 @@ private:
     bool is_refreshed_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -28,7 +28,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -272,4 +272,4 @@ std::vector<UnknownBody> unknown_bodies(const CellState& state,
     return bodies;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

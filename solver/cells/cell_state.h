@@ -14,7 +14,7 @@
 #include "solver/cells/unknown_body.h"
 #include "solver/minimize/state.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The number of a cell among the unknown ones; its block among those of the state.
@@ -195,4 +195,4 @@ inline void CellState::add_body(UnknownCell unknown, const Twist& twist, double*
 std::vector<UnknownBody> unknown_bodies(const CellState& state,
                                         std::span<const GridPlace> places);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "solver/cells/glue_distances.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -192,4 +192,4 @@ Clusters grow_clusters(const Cells& cells, const std::vector<bool>& is_left_out,
     return result;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "octree/cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Lengths in cells, through faces: neighbours of one size are 1 apart.
@@ -58,4 +58,4 @@ struct Clusters
 Clusters grow_clusters(const Cells& cells, const std::vector<bool>& is_left_out,
                        const ClusterSize& size);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "solver/minimize/state.h"
 #include "solver/minimize/term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Unknowns beside those of the cells, and what depends on them.
@@ -35,4 +35,4 @@ public:
 using MakeCompanion =
     std::function<std::unique_ptr<Companion>(CellState&, const GlueTerm&)>;
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -119,4 +119,4 @@ Pose held_at_pin(const Pose& pose, const Constraint& pin, const Eigen::Vector3d&
                 (pose.R - Eigen::Matrix3d::Identity()) * (pin.held_rest - centre)};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class Hold
@@ -90,4 +90,4 @@ std::vector<Component> find_components(const Cells& cells,
 /// Moves a cell that turns about a held point so that this is where it must be.
 Pose held_at_pin(const Pose& pose, const Constraint& pin, const Eigen::Vector3d& centre);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -198,4 +198,4 @@ void ContactTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) cons
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

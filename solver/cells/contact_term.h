@@ -14,7 +14,7 @@
 #include "solver/cells/cell_state.h"
 #include "solver/minimize/term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A point of one cell that is to stay before a plane of another one. Rest coordinates,
@@ -76,4 +76,4 @@ private:
     std::vector<double> weights_; ///< 2 stiffness; 0 where the gap is not negative
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -2,7 +2,7 @@
 // Where the program goes its own way and leaves that of [Botsch07].
 #pragma once
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Each can be taken back alone, to see what it brings; all taken back is the paper's
@@ -47,4 +47,4 @@ inline constexpr Departures kBotsch07{.glue_in_face = false,
                                       .blend = false,
                                       .local_rbf = false};
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -97,7 +97,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -465,4 +465,4 @@ double glue_energy(const Glue& glue, std::span<const Pose> poses,
     return sum;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "solver/cells/glue_block.h"
 #include "solver/minimize/term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What one face of glue remembers of the rest state.
@@ -94,4 +94,4 @@ GlueBlock glue_coupling(const GlueFace& face, const Pose& a, const Pose& b);
 double glue_energy(const Glue& glue, std::span<const Pose> poses,
                    const std::function<bool(const GlueFace&)>& counts = {});
 
-} // namespace cellwarp
+} // namespace cellwarp::core

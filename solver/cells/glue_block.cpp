@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -61,4 +61,4 @@ std::optional<GlueBlock> as_glue(const Matrix6& block)
     return std::nullopt;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

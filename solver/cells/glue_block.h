@@ -9,7 +9,7 @@
 
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -68,4 +68,4 @@ struct GlueBlock
 /// The glue block that \p block is, to within rounding; nullopt: it has another form.
 std::optional<GlueBlock> as_glue(const Matrix6& block);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "octree/cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Of one search at a time; what was reached is known, so that the next search costs no
@@ -72,4 +72,4 @@ private:
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -324,4 +324,4 @@ void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
     out.noalias() += basis(row).transpose().lazyProduct(image);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

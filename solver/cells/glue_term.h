@@ -13,7 +13,7 @@
 #include "solver/cells/glue.h"
 #include "solver/minimize/term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A function of the poses of the cells. Keeps a copy of the glue and all scratch:
@@ -83,4 +83,4 @@ private:
     mutable std::vector<Twist> twists_; ///< a cell, world axes; 0 where known
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -112,4 +112,4 @@ Grouping OctreeBlocks::join(const Links& links,
     return grouping;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "octree/cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where the leaf of a cell lies in the octree's lattice.
@@ -89,4 +89,4 @@ private:
     std::vector<int> size_;            ///< edges are 2^size
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

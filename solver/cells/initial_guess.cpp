@@ -21,7 +21,7 @@
 #include "octree/base/parallel.h"
 #include "solver/cells/grouping.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -323,4 +323,4 @@ void InitialGuess::carry(std::span<const Motion> steps, std::span<const int> cel
                     });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

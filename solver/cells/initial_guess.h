@@ -11,7 +11,7 @@
 #include "solver/cells/constraints.h"
 #include "solver/cells/glue.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Whose motion a cell takes that is not free: that of a region, or what lies between two
@@ -60,4 +60,4 @@ private:
     std::vector<Share> shares_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "octree/base/nearest_rotation.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -353,4 +353,4 @@ std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
     return poses;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

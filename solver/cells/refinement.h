@@ -16,7 +16,7 @@
 #include "solver/cells/constraints.h"
 #include "solver/cells/glue.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The body's map around a cell, as the cell and its neighbours tell it:
@@ -58,4 +58,4 @@ std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
                             std::span<const LocalMap> old_maps, const Octree& octree,
                             const Pieces& pieces, const Cells& cells);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

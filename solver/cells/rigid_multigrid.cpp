@@ -45,7 +45,7 @@
 #include "solver/cells/rigid_rows.h"
 #include "solver/cells/smoothed_level.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -273,4 +273,4 @@ double RigidMultigrid::memory_estimate(std::size_t cells, std::size_t faces, boo
     return kLevels * (of_block * blocks + of_cell * static_cast<double>(cells));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

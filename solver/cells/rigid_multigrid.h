@@ -13,7 +13,7 @@
 #include "solver/cells/unknown_body.h"
 #include "solver/linear/linear_operator.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// One V-cycle, in single precision. Time and memory are linear in the cells. Nothing is
@@ -43,4 +43,4 @@ private:
     std::unique_ptr<Levels> levels_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -402,4 +402,4 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
     return next;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

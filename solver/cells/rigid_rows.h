@@ -17,7 +17,7 @@
 #include "solver/cells/unknown_body.h"
 #include "solver/linear/linear_operator.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Rows of blocks, diagonal included, scaled to a mean diagonal of 1, angular and linear
@@ -93,4 +93,4 @@ void for_each_body(int count, Body&& body)
     parallel_for(idx(count), kGrain, body);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -252,4 +252,4 @@ void SmoothedLevel::after(const SmoothedLevel& next)
              { x[i] += kGain * z - without_rods[i]; });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "solver/linear/block_matrix.h"
 #include "solver/linear/cholesky.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How a row follows the body above, in the scaled unknowns of both.
@@ -115,4 +115,4 @@ private:
     void list_rests(const RigidRows& A);
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

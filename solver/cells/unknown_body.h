@@ -6,7 +6,7 @@
 
 #include "solver/cells/grouping.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Some unknowns of a block, one after the other, that turn and shift one body: a cell, a
@@ -29,4 +29,4 @@ struct UnknownBody
     bool is_on_rod = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/index.h"
 #include "solver/cells/glue_block.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Three numbers in one register. What stands in the fourth lane means nothing where
@@ -139,4 +139,4 @@ private:
     std::vector<float> numbers_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

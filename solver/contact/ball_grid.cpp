@@ -12,7 +12,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -110,4 +110,4 @@ BallGrid::pairs(std::span<const Eigen::Vector3d> centres, std::span<const double
     return pairs_;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class BallGrid
@@ -39,4 +39,4 @@ private:
     std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

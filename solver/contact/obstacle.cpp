@@ -10,7 +10,7 @@
 
 #include "octree/wrap/triangle_tree.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -175,4 +175,4 @@ Vector3d nearest_on_triangle(const Vector3d& a, const Vector3d& b, const Vector3
     return sum > 0.0 ? Vector3d(a + vb / sum * ab + vc / sum * ac) : a;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A place of an obstacle that is nearer to a point than its surroundings are.
@@ -43,4 +43,4 @@ Eigen::Vector3d nearest_on_triangle(const Eigen::Vector3d& a, const Eigen::Vecto
                                     const Eigen::Vector3d& c,
                                     const Eigen::Vector3d& point);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -37,7 +37,7 @@
 
 #include "solver/rods/rod_refinement.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -743,4 +743,4 @@ std::vector<double> RodContacts::touched(std::size_t rod) const
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "solver/dynamics/coupling.h"
 #include "solver/rods/rod_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct ContactSettings
@@ -186,4 +186,4 @@ private:
     std::vector<std::vector<RodTouch>> touches_; ///< of each rod
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

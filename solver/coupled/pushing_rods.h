@@ -8,7 +8,7 @@
 #include "solver/coupled/rod_coupling.h"
 #include "solver/coupled/rod_unknowns.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class PushingRods final : public Companion
@@ -38,4 +38,4 @@ private:
     RodCoupling coupling_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "octree/base/index.h"
 #include "solver/rods/elasticity.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -330,4 +330,4 @@ void RodCoupling::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) cons
     out += Eigen::SparseMatrix<double>(steps_of(rod).transpose() * product);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "solver/minimize/term.h"
 #include "solver/rods/rod_model.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The energy of the rods' stretch, bending and twist; and what the term of the glue,
@@ -79,4 +79,4 @@ private:
     mutable Eigen::VectorXd steps_, own_steps_, by_steps_, part_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -134,4 +134,4 @@ RodState moved_along(const RodState& state, const RodState& from, const RodState
     return moved;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/rods/rod.h"
 #include "solver/rods/rod_constraint.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where each control point counts most: parameters.
@@ -39,4 +39,4 @@ void bring_to(RodState& state, std::span<const RodConstraint> holds);
 RodState moved_along(const RodState& state, const RodState& from, const RodState& to,
                      const RodState& rest);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -35,7 +35,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -372,4 +372,4 @@ double RodUnknowns::largest_move() const
     return largest;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

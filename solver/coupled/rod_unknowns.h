@@ -18,7 +18,7 @@
 #include "solver/rods/rod.h"
 #include "solver/rods/rod_constraint.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A cell that follows the frame of a rod.
@@ -129,4 +129,4 @@ private:
     mutable bool has_other_bodies_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "solver/dynamics/saddle.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// An object keeps a state, and a trial that may become the state. Its unknowns are those
@@ -134,4 +134,4 @@ public:
     virtual void rest() = 0; ///< Its velocity becomes 0.
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -29,7 +29,7 @@
 
 #include "solver/linear/rounding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -804,4 +804,4 @@ MotionReport Articulation::solve(const MotionOptions& options)
     return report;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

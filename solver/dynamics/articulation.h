@@ -14,7 +14,7 @@
 #include "solver/dynamics/wrench.h"
 #include "solver/linear/band_matrix.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Joint
@@ -66,4 +66,4 @@ private:
     double rounding_ = 0.0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

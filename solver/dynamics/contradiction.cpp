@@ -12,7 +12,7 @@
 
 #include "solver/linear/band_matrix.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Eigen::VectorXd contradiction(std::span<const SparseRow> rows,
@@ -85,4 +85,4 @@ Eigen::VectorXd contradiction(std::span<const SparseRow> rows,
     return r;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

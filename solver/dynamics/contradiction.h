@@ -8,7 +8,7 @@
 
 #include "solver/dynamics/saddle.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The part r of the violations of rows L that no step removes, to first order:
@@ -16,4 +16,4 @@ namespace cellwarp
 Eigen::VectorXd contradiction(std::span<const SparseRow> rows,
                               const Eigen::VectorXd& violation);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

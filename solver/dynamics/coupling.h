@@ -9,7 +9,7 @@
 
 #include "solver/dynamics/articulable_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// An energy of where the objects are. What of its second derivatives is of one place of
@@ -42,4 +42,4 @@ public:
     virtual double energy() const = 0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Matrix3d;
@@ -186,4 +186,4 @@ double DistanceSprings::turn(const Eigen::VectorXd& x, const Eigen::VectorXd& st
     return turn;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

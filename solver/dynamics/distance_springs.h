@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Shares of points, each by the first of its three unknowns, ascending.
@@ -97,4 +97,4 @@ private:
     bool is_predicted_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

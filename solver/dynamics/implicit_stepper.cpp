@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -224,4 +224,4 @@ StepReport ImplicitStepper::settle()
     return report;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

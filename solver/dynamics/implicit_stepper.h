@@ -8,7 +8,7 @@
 
 #include "solver/dynamics/articulation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct StepReport
@@ -54,4 +54,4 @@ private:
     int num_failed_ = 0; ///< successive steps that found no parts that go well
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/dynamics/motion_stop.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 const char* stop_name(MotionStop stop)
@@ -28,4 +28,4 @@ const char* stop_name(MotionStop stop)
     return "";
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

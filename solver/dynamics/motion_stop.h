@@ -2,7 +2,7 @@
 // How a solve for an equilibrium, or for a step in time, ended.
 #pragma once
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class MotionStop
@@ -41,4 +41,4 @@ struct MotionOptions
     double tolerance = 1e-10; ///< of the residual, of the largest force at work
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

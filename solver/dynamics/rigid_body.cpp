@@ -21,7 +21,7 @@
 
 #include "solver/linear/rounding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -304,4 +304,4 @@ void RigidBody::rest()
     state.turning.setZero();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

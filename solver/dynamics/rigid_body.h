@@ -10,7 +10,7 @@
 #include "octree/base/rigid_motion.h"
 #include "solver/dynamics/articulable_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where a body is, and how it moves.
@@ -116,4 +116,4 @@ private:
     Eigen::Matrix3d turns_inverse_ = Eigen::Matrix3d::Identity();
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <Eigen/QR>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -241,4 +241,4 @@ void SaddleSolver::solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const
             g[static_cast<Eigen::Index>(k)] = all_[place_of_row_[k]];
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

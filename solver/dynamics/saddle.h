@@ -24,7 +24,7 @@
 
 #include "solver/linear/band_matrix.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A row of L: (unknown, value), ascending.
@@ -80,4 +80,4 @@ private:
     mutable Eigen::VectorXd all_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

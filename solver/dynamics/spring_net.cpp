@@ -9,7 +9,7 @@
 
 #include "solver/linear/rounding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -204,4 +204,4 @@ void SpringNet::add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out
     let_go_of_fast(out);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

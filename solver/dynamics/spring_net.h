@@ -14,7 +14,7 @@
 #include "solver/dynamics/articulable_object.h"
 #include "solver/dynamics/distance_springs.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct NetSpring
@@ -111,4 +111,4 @@ private:
     std::unique_ptr<Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>> factor_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Wrench
@@ -13,4 +13,4 @@ struct Wrench
     Eigen::Vector3d couple = Eigen::Vector3d::Zero(); ///< about the place [N m]
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

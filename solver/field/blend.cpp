@@ -37,7 +37,7 @@
 #include "octree/base/point_tree.h"
 #include "solver/field/glue_network.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Eigen::Vector3d nearest_in_box(const Eigen::Vector3d& centre, double edge,
@@ -264,4 +264,4 @@ FieldValue blended(std::span<const Influence> influences, std::span<const Pose> 
     return value;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A displacement and its derivative: column k is its change along axis k.
@@ -116,4 +116,4 @@ private:
 FieldValue blended(std::span<const Influence> influences, std::span<const Pose> poses,
                    const Cells& cells, const Eigen::Vector3d& x);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "octree/base/instruction_set.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Samples are lanes: blocks of this many, the last one of a group padded.
@@ -76,4 +76,4 @@ struct BlendKernels
 /// \pre \p set is one of instruction_sets()
 BlendKernels blend_kernels(InstructionSet set);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #define CELLWARP_WIDTH 4
 #endif
 
-namespace cellwarp::CELLWARP_LANES_FOR
+namespace cellwarp::core::CELLWARP_LANES_FOR
 {
 
 namespace
@@ -273,4 +273,4 @@ BlendKernels blend_kernels()
             sum_corrections};
 }
 
-} // namespace cellwarp::CELLWARP_LANES_FOR
+} // namespace cellwarp::core::CELLWARP_LANES_FOR

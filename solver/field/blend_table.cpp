@@ -16,7 +16,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -541,4 +541,4 @@ void BlendTable::run(const Chunk& chunk, std::span<const AffineMap> maps,
     (is_normals ? kernels.normals : kernels.places)(run);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/field/blend_kernel.h"
 #include "solver/field/fade_table.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A unit normal at a sample.
@@ -89,4 +89,4 @@ private:
     std::vector<float> values_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -212,4 +212,4 @@ RbfCentres cell_centres(const Cells& cells, std::span<const Constraint> constrai
     return centres;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/cells/constraints.h"
 #include "solver/field/region_points.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Points and where they go.
@@ -48,4 +48,4 @@ private:
     RegionPoints of_regions_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -220,4 +220,4 @@ void FadeSums::sum(std::span<const NodeMiss> misses, const BlendKernels& kernels
                     });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

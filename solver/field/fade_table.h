@@ -16,7 +16,7 @@
 #include "solver/field/blend_kernel.h"
 #include "solver/field/region_fade.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The cells that count at a point, by either way of the blend.
@@ -126,4 +126,4 @@ private:
     std::vector<Row> rows_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "octree/base/point_tree.h"
 #include "solver/field/place_lanes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -717,4 +717,4 @@ Field fit_field(const FieldChoice& choice, const Cells& cells,
         .fit(poses, std::move(regions));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "solver/field/region_fade.h"
 #include "solver/field/surroundings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class FieldKind
@@ -168,4 +168,4 @@ Field fit_field(const FieldChoice& choice, const Cells& cells,
                 std::span<const Pose> poses, std::span<const Constraint> constraints,
                 std::vector<MovedRegion> regions);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -106,4 +106,4 @@ double GlueNetwork::resistance_to(std::size_t node)
     return potentials_[place_[node]];
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

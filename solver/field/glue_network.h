@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Nodes with a resistance each, some of them joined. A joint of two nodes resists as
@@ -43,4 +43,4 @@ private:
     std::vector<double> factors_, pivots_, potentials_, slopes_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/instruction_set.h"
 #include "solver/field/rbf_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct CellBox
@@ -82,4 +82,4 @@ InfluenceKernels influence_kernels(InstructionSet set);
 /// Of the widest set that this processor has.
 const InfluenceKernels& widest_influence_kernels();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "octree/base/lanes.h"
 
-namespace cellwarp::CELLWARP_LANES_FOR
+namespace cellwarp::core::CELLWARP_LANES_FOR
 {
 
 namespace
@@ -167,4 +167,4 @@ InfluenceKernels influence_kernels()
     return {weights, blend, squares, ranks};
 }
 
-} // namespace cellwarp::CELLWARP_LANES_FOR
+} // namespace cellwarp::core::CELLWARP_LANES_FOR

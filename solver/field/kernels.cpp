@@ -3,7 +3,7 @@
 #include "solver/field/influence_kernel.h"
 #include "solver/field/rbf_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace plain
@@ -66,4 +66,4 @@ RbfKernels rbf_kernels([[maybe_unused]] InstructionSet set)
     return plain::rbf_kernels();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/smooth_step.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -309,4 +309,4 @@ std::size_t LocalRbfFitter::num_factored() const
                              [](const ClusterFit& fit) { return fit.was_factored; }));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -21,7 +21,7 @@
 #include "solver/field/rbf.h"
 #include "solver/field/rbf_systems.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// F(x) = sum_c W_c phi_c / sum_c W_c with phi_c the RBF of cluster c and
@@ -127,4 +127,4 @@ private:
     std::vector<ClusterFit> fits_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "octree/base/hash.h"
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -54,4 +54,4 @@ int NodeTable::region_at(const Eigen::Vector3d& place, int cell) const
     return node != kEmpty && nodes_[node].cell == cell ? nodes_[node].region : -1;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Nodes by their places, to the bit. Immutable.
@@ -40,4 +40,4 @@ private:
     std::vector<std::uint32_t> slots_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -294,4 +294,4 @@ void blend(std::span<const InfluenceOnPlaces> influences, std::span<const CellMa
          out.displacement.data(), out.slopes.front().data()});
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "solver/field/blend.h"
 #include "solver/field/influence_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 inline constexpr int kPlaces = static_cast<int>(kPlaceLanes);
@@ -120,4 +120,4 @@ std::vector<CellMap> cell_maps(const Cells& cells, std::span<const Pose> poses);
 void blend(std::span<const InfluenceOnPlaces> influences, std::span<const CellMap> maps,
            const PlaceVectors& places, bool wants_gradient, ValueOnPlaces& out);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "octree/base/parallel.h"
 #include "solver/linear/cholesky.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -346,4 +346,4 @@ FieldValue RbfField::value(const Eigen::Vector3d& x) const
     return all.at(0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

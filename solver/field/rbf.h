@@ -11,7 +11,7 @@
 #include "solver/field/place_lanes.h"
 #include "solver/field/rbf_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// d(x) = sum_j w_j |x - c_j|^3 + q(x), q quadratic, with sum_j w_j p(c_j) = 0 for
@@ -91,4 +91,4 @@ private:
     bool is_factored_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "octree/base/instruction_set.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where centres are lanes their count is padded to a multiple of this.
@@ -81,4 +81,4 @@ struct RbfKernels
 /// \pre \p set is one of instruction_sets()
 RbfKernels rbf_kernels(InstructionSet set);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "octree/base/lanes.h"
 
-namespace cellwarp::CELLWARP_LANES_FOR
+namespace cellwarp::core::CELLWARP_LANES_FOR
 {
 
 namespace
@@ -248,4 +248,4 @@ RbfKernels rbf_kernels()
         sum_at_places<false>, sum_at_places<true>, products, columns, factorise, solve};
 }
 
-} // namespace cellwarp::CELLWARP_LANES_FOR
+} // namespace cellwarp::core::CELLWARP_LANES_FOR

@@ -6,7 +6,7 @@
 
 #include "octree/base/hash.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 bool RbfSystems::are_same(std::span<const Eigen::Vector3d> a,
@@ -82,4 +82,4 @@ std::size_t RbfSystems::num_bytes() const
     return num_bytes_;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

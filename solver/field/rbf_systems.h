@@ -15,7 +15,7 @@
 
 #include "solver/field/rbf.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Systems by their centres. Changes no bit of a fit: a system that is kept is the one
@@ -71,4 +71,4 @@ private:
     std::unordered_multimap<std::uint64_t, Kept> systems_; ///< by their centres' hash
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -30,7 +30,7 @@
 #include "solver/cells/glue_distances.h"
 #include "solver/field/influence_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -700,4 +700,4 @@ void MovedRegions::correct(const Eigen::Vector3d& x,
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

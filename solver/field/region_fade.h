@@ -20,7 +20,7 @@
 #include "solver/field/blend.h"
 #include "solver/field/node_table.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class NearNodes;
@@ -310,4 +310,4 @@ private:
     std::vector<int> deep_region_; ///< a cell; -1: none
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -180,4 +180,4 @@ RegionPoints::RegionPoints(const Cells& cells, std::span<const Constraint> const
                       { return too_near.contains(point.lattice); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

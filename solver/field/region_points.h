@@ -12,7 +12,7 @@
 #include "octree/cells.h"
 #include "solver/cells/constraints.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Points of the boxes of a rigid region's cells, which move with it: their corners, and
@@ -40,4 +40,4 @@ private:
     std::vector<std::vector<Point>> points_; ///< of each cell
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -72,4 +72,4 @@ std::vector<Eigen::Vector3f> SampleBlend::normals_as_given() const
     return sorted_back(normals(), normal_order());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

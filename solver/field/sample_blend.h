@@ -17,7 +17,7 @@
 #include "solver/field/fade_table.h"
 #include "solver/field/field.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Places and normals of the samples as Field gives them, in single precision. They
@@ -70,4 +70,4 @@ private:
     InstructionSet instruction_set_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/field/surroundings.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 std::size_t Surroundings::num_bytes() const
@@ -36,4 +36,4 @@ const Surroundings* KeptSurroundings::keep(std::atomic<const Surroundings*>& pla
     return made.release();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/field/place_lanes.h"
 #include "solver/field/region_fade.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Surroundings
@@ -71,4 +71,4 @@ private:
     std::atomic<std::ptrdiff_t> bytes_left_ = 0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

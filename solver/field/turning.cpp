@@ -5,7 +5,7 @@
 
 #include "octree/base/nearest_rotation.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Eigen::Vector3d turned_normal(const Eigen::Matrix3d& J, const Eigen::Vector3d& normal)
@@ -41,4 +41,4 @@ Eigen::Vector4d turned_rotation(const Eigen::Matrix3d& J, const Eigen::Vector4d&
     return turned * (turned.dot(rotation) < 0 ? -scale : scale);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

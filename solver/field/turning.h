@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A normal after the map with Jacobian J: the cofactor matrix keeps it normal to
@@ -23,4 +23,4 @@ Eigen::Vector3d turned_tangent(const Eigen::Matrix3d& J, const Eigen::Vector3d& 
 Eigen::Vector4d turned_rotation(const Eigen::Matrix3d& J,
                                 const Eigen::Vector4d& rotation);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -24,7 +24,7 @@
 #include "solver/flesh/step_matrix.h"
 #include "solver/linear/cholesky.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -372,4 +372,4 @@ void BlendedRegions::step(const VectorXd& predicted, const VectorXd& v,
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

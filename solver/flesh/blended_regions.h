@@ -15,7 +15,7 @@
 #include "solver/flesh/bound_nodes.h"
 #include "solver/flesh/lattice.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Which part each node has in a region.
@@ -80,4 +80,4 @@ private:
     std::vector<std::unique_ptr<Region>> regions_, spares_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

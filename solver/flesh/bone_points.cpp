@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <set>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -158,4 +158,4 @@ std::vector<HeldPoint> points_on_bones(const Lattice& lattice,
     return points;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/flesh/bound_nodes.h"
 #include "solver/flesh/lattice.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A straight bone at rest [m].
@@ -32,4 +32,4 @@ std::vector<HeldPoint> points_on_bones(const Lattice& lattice,
                                        std::span<const BoneLine> bones,
                                        const HoldsPoint& holds);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

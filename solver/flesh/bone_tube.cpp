@@ -11,7 +11,7 @@
 
 #include "octree/base/segment.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -198,4 +198,4 @@ std::vector<TubePart> tube_parts(const Lattice& lattice,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

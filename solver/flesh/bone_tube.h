@@ -12,7 +12,7 @@
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/lattice.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A bit of material, where integrals take their values.
@@ -62,4 +62,4 @@ std::vector<TubePart> tube_parts(const Lattice& lattice,
                                  std::span<const std::vector<MaterialPoint>> points,
                                  double chi);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

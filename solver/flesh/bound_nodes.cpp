@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -170,4 +170,4 @@ SparseRows by_free_of_all(const BoundNodes& nodes)
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "solver/flesh/sparse_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A point of the material that moves as it is told.
@@ -42,4 +42,4 @@ BoundNodes bind_nodes(std::span<const NodeShares> hanging,
 /// Rows of all nodes: by_free of a bound one, and a free one by itself.
 SparseRows by_free_of_all(const BoundNodes& nodes);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

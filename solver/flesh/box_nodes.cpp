@@ -14,7 +14,7 @@
 
 #include "octree/base/union_find.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -219,4 +219,4 @@ SparseRows rows_between(const BoxNodes& fine, std::span<const LatticeBox> boxes,
     return rows;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

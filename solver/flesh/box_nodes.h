@@ -12,7 +12,7 @@
 
 #include "solver/flesh/sparse_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// In whole numbers, as Leaf has it.
@@ -74,4 +74,4 @@ void hang_nodes(std::span<const LatticeBox> boxes, std::span<const NodeHost> hos
 SparseRows rows_between(const BoxNodes& fine, std::span<const LatticeBox> boxes,
                         const BoxNodes& coarse, std::span<const int> group);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -155,4 +155,4 @@ Hexahedra hexahedra_of(const DrawnCells& drawn)
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "solver/flesh/box_nodes.h"
 #include "solver/flesh/sparse_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct DrawnCells
@@ -40,4 +40,4 @@ struct Hexahedra
 /// right way round.
 Hexahedra hexahedra_of(const DrawnCells& drawn);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -209,4 +209,4 @@ std::vector<CellSide> DrawnForest::sides(const Octree& octree,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "solver/flesh/drawn_cells.h"
 #include "solver/flesh/lattice.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct ForestLattice
@@ -66,4 +66,4 @@ private:
     GridShape shape_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

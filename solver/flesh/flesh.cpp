@@ -19,7 +19,7 @@
 #include "octree/base/parallel.h"
 #include "solver/flesh/flesh_parts.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -362,4 +362,4 @@ Eigen::MatrixXd Flesh::dense_matrix(double mass, double stiffness, double tube) 
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "solver/flesh/flesh_contact.h"
 #include "solver/flesh/lattice.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What is taken for the strain of a cell.
@@ -144,4 +144,4 @@ private:
     std::unique_ptr<Parts> parts_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -82,4 +82,4 @@ FleshSurface::candidates(const VectorXd& u, double most,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 
 #include "solver/flesh/sparse_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where it is at the end of a step.
@@ -96,4 +96,4 @@ private:
     std::vector<std::size_t> first_of_node_, points_of_node_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

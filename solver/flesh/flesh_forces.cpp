@@ -13,7 +13,7 @@
 #include "octree/base/parallel.h"
 #include "solver/flesh/part_points.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -508,4 +508,4 @@ FleshForces::mean_blocks(const FleshFactors& factors) const
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "solver/flesh/lattice.h"
 #include "solver/flesh/part_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How much each kind counts in a product.
@@ -118,4 +118,4 @@ private:
     mutable std::vector<PartRow> given_; ///< scratch
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "octree/base/bounding_box.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -173,4 +173,4 @@ void Flesh::Parts::impulse(const VectorXd& u, const VectorXd& v0, const VectorXd
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "solver/flesh/step_rows.h"
 #include "solver/linear/conjugate_gradients.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct Flesh::Parts
@@ -94,4 +94,4 @@ struct Flesh::Parts
                  const Eigen::VectorXd& v, double dt, std::span<const Motion> motions);
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -24,7 +24,7 @@
 
 #include "solver/flesh/flesh_parts.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -242,4 +242,4 @@ FleshReport Flesh::settle(FleshState& state, std::span<const Motion> motions,
     return Settling(*this, motions, around).run(state, weighs, at_rest);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

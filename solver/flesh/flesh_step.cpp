@@ -19,7 +19,7 @@
 #include "octree/base/parallel.h"
 #include "solver/flesh/flesh_parts.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -159,4 +159,4 @@ FleshState FleshStep::end(const VectorXd& u) const
     return {u, (u - from_.u) / dt_};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "solver/flesh/step_matrix.h"
 #include "solver/linear/cholesky.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Displacements \p u are of all nodes, in the places that the motions of begin() allow.
@@ -62,4 +62,4 @@ private:
     mutable Eigen::VectorXd way_, image_, all_, solved_; // scratch
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

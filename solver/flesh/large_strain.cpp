@@ -39,7 +39,7 @@
 #include "octree/base/index.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -367,4 +367,4 @@ PartMatrix strain_hessian(const PartPoints& points, const FleshMaterial& materia
     return ModedPart(points, of_point, u).hessian(filter);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "solver/flesh/part_points.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How energy grows with strain.
@@ -49,4 +49,4 @@ enum class Filter
 PartMatrix strain_hessian(const PartPoints& points, const FleshMaterial& material,
                           StrainLaw law, const PartVector& u, Filter filter);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "octree/base/union_find.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -270,4 +270,4 @@ NodeShares shares_at(const Lattice& lattice, int cell, const Vector3d& local)
     return shares_of(lattice.cells[idx(cell)], lattice.hanging, local);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

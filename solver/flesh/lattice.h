@@ -18,7 +18,7 @@
 #include "solver/flesh/box_nodes.h"
 #include "solver/flesh/sparse_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Elastic and of even density.
@@ -118,4 +118,4 @@ Eigen::Vector3d cell_point(const Lattice& lattice, int cell,
 Eigen::Matrix3d cell_slopes(const Lattice& lattice, int cell,
                             const Eigen::Vector3d& local);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

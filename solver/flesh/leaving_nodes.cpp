@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -96,4 +96,4 @@ Vector3d Fading::at(double time) const
     return (1.0 - y) * (1.0 - y) * ((1.0 + 2.0 * y) * from + y * length * slope);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "solver/flesh/lattice.h"
 #include "solver/flesh/sparse_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct LeavingNodes
@@ -43,4 +43,4 @@ struct Fading
     Eigen::Vector3d at(double time) const;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

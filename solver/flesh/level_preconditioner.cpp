@@ -5,7 +5,7 @@
 
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -116,4 +116,4 @@ void LevelPreconditioner::apply(const VectorXd& r, VectorXd& z)
         multiply(levels_[l].down, levels_[l].z, true, l == 1 ? z : levels_[l - 1].z);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/flesh/lattice.h"
 #include "solver/linear/linear_operator.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// B = sum_l I_l D_l^-1 I_l^T, with I_l from the nodes of level l to the free nodes of
@@ -45,4 +45,4 @@ private:
     std::vector<Level> levels_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

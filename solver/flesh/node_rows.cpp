@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -221,4 +221,4 @@ LinearReport NodeRows::solve(const LinearOperator& A, Preconditioner& B,
     return report;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "solver/linear/conjugate_gradients.h"
 #include "solver/linear/linear_operator.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// direction . sum share x_node = value, x three numbers for each free node.
@@ -87,4 +87,4 @@ private:
     Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/flesh/part_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace plain
@@ -30,4 +30,4 @@ PartKernels part_kernels([[maybe_unused]] InstructionSet set)
     return plain::part_kernels();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

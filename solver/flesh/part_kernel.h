@@ -8,7 +8,7 @@
 
 #include "octree/base/instruction_set.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Parts are lanes: blocks of this many, the last one padded.
@@ -62,4 +62,4 @@ struct PartKernels
 
 PartKernels part_kernels(InstructionSet set);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "octree/base/lanes.h"
 
-namespace cellwarp::CELLWARP_LANES_FOR
+namespace cellwarp::core::CELLWARP_LANES_FOR
 {
 
 namespace
@@ -332,4 +332,4 @@ PartKernels part_kernels()
     return {product, gradients};
 }
 
-} // namespace cellwarp::CELLWARP_LANES_FOR
+} // namespace cellwarp::core::CELLWARP_LANES_FOR

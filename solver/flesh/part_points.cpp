@@ -21,7 +21,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -166,4 +166,4 @@ Eigen::Matrix<double, 8, 8> mass_of(const PartPoints& points, double density)
     return M;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "solver/flesh/lattice.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Point k stands for a corner: sign_of(k, axis) tells the side.
@@ -53,4 +53,4 @@ PartMatrix stiffness_of(const PartPoints& points, const FleshMaterial& material,
 /// M_ab = density int phi_a phi_b [kg].
 Eigen::Matrix<double, 8, 8> mass_of(const PartPoints& points, double density);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

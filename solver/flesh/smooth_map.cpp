@@ -46,7 +46,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/union_find.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -981,4 +981,4 @@ std::vector<SmoothMap::Value> SmoothMap::values(const Eigen::VectorXd& u,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

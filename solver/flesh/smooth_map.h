@@ -15,7 +15,7 @@
 #include "solver/flesh/lattice.h"
 #include "solver/flesh/sparse_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Continuous with its gradient through glued cells, also where these change their size;
@@ -88,4 +88,4 @@ private:
     std::vector<ForkedPlace> forked_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 NodeShares gathered(NodeShares shares)
@@ -45,4 +45,4 @@ SparseRows SparseRows::transposed(std::size_t columns) const
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

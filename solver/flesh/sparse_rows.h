@@ -12,7 +12,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A node and how much it counts.
@@ -55,4 +55,4 @@ private:
     std::vector<NodeShare> shares_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -106,4 +106,4 @@ void StepMatrix::add(const Part& part, const PartMatrix& A)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "solver/flesh/part_points.h"
 #include "solver/linear/block_matrix.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Z^T A Z: A is a sum over the parts, and Z has the nodes by the free ones.
@@ -47,4 +47,4 @@ private:
     BlockMatrix blocks_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -298,4 +298,4 @@ FleshContacts StepRows::solve(const VectorXd& u, const VectorXd& v, const Vector
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "solver/flesh/flesh_contact.h"
 #include "solver/flesh/node_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Points of the material by the free nodes.
@@ -92,4 +92,4 @@ private:
     bool has_begun_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "solver/linear/rounding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -149,4 +149,4 @@ void FleshObject::try_more(const VectorXd& step)
     step_->move(from, step, 1.0, trial_);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

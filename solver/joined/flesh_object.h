@@ -16,7 +16,7 @@
 #include "solver/flesh/flesh_step.h"
 #include "solver/flesh/step_rows.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class FleshObject final : public ArticulableObject
@@ -105,4 +105,4 @@ private:
     Eigen::VectorXd first_, u_, trial_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

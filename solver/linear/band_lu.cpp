@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 BandLu::BandLu(int rows, int below, int above)
@@ -68,4 +68,4 @@ void BandLu::solve(Eigen::VectorXd& x) const
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

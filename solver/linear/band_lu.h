@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class BandLu
@@ -42,4 +42,4 @@ private:
     std::vector<int> pivot_;              ///< row that came to the place of each
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -187,4 +187,4 @@ void BandFactor::solve(Eigen::MatrixX3d& b) const
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class BandMatrix
@@ -88,4 +88,4 @@ private:
     std::vector<double> made_of_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 BlockMatrix::BlockMatrix(std::span<const int> sizes,
@@ -108,4 +108,4 @@ double BlockMatrix::norm() const
     return rows() > 0 ? sums.maxCoeff() : 0.0;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Lower block triangle in compressed columns. The columns of one block column
@@ -62,4 +62,4 @@ private:
     std::vector<double> values_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

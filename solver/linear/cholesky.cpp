@@ -21,7 +21,7 @@ extern "C" int blas_thread_shutdown_() __attribute__((weak));
 extern "C" void omp_set_max_active_levels(int);
 extern "C" void dpotrf_(const char*, const int*, double*, const int*, int*);
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct SparseCholesky::Library
@@ -162,4 +162,4 @@ void prepare_dense_kernels()
     is_prepared = true;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "solver/linear/block_matrix.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Keeps the ordering and symbolic factor of one sparsity structure; factorize()
@@ -50,4 +50,4 @@ void end_dense_threads();
 /// ever. Throws std::bad_alloc.
 void prepare_dense_kernels();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

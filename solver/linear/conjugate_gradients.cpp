@@ -14,7 +14,7 @@
 
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 LinearReport ConjugateGradients::solve(const LinearOperator& H,
@@ -95,4 +95,4 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
     return report;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "octree/base/clock.h"
 #include "solver/linear/linear_operator.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct LinearReport
@@ -54,4 +54,4 @@ private:
     Eigen::VectorXd r_, z_, direction_, image_, last_r_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A symmetric matrix H, as what it does to a vector.
@@ -43,4 +43,4 @@ public:
     virtual void refresh() {}
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,10 +3,10 @@
 
 #include <limits>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What a sum of numbers of size 1 may be wrong by.
 inline constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 Energy::Energy(std::vector<State*> states, std::vector<Term*> terms)
@@ -118,4 +118,4 @@ void Energy::pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

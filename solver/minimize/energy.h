@@ -13,7 +13,7 @@
 #include "solver/minimize/state.h"
 #include "solver/minimize/term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Owns neither states nor terms, which must outlive it and keep their addresses. What
@@ -62,4 +62,4 @@ private:
     std::vector<Part> parts_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -28,7 +28,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -468,4 +468,4 @@ SolveReport NewtonSolver::minimize(const SolveOptions& options)
     return Run(*this, options)();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "solver/linear/conjugate_gradients.h"
 #include "solver/minimize/energy.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class Method
@@ -135,4 +135,4 @@ private:
     std::optional<SparseCholesky> factor_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <numeric>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 UnknownPlace State::end() const
@@ -13,4 +13,4 @@ UnknownPlace State::end() const
             std::accumulate(sizes.begin(), sizes.end(), begin_.unknown)};
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

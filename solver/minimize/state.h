@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Where something stands among all unknowns of a minimisation.
@@ -51,4 +51,4 @@ private:
     UnknownPlace begin_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How much of the second derivative: J^T J, which is positive semi-definite, plus a
@@ -45,4 +45,4 @@ public:
     virtual void add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const = 0;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

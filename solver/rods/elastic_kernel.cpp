@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/rods/elastic_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 #define CELLWARP_KERNELS_OF(SET)                                                         \
@@ -42,4 +42,4 @@ template ElasticKernels<6> elastic_kernels<6>(InstructionSet);
 template ElasticKernels<7> elastic_kernels<7>(InstructionSet);
 template ElasticKernels<8> elastic_kernels<8>(InstructionSet);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "octree/base/instruction_set.h"
 #include "solver/rods/rod_hessian.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 inline constexpr int kSpanLanes = 8;
@@ -114,4 +114,4 @@ struct ElasticKernels
 template <int M>
 ElasticKernels<M> elastic_kernels(InstructionSet set);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

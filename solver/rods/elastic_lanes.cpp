@@ -12,7 +12,7 @@
 
 #include "octree/base/lanes.h"
 
-namespace cellwarp::CELLWARP_LANES_FOR
+namespace cellwarp::core::CELLWARP_LANES_FOR
 {
 
 namespace
@@ -778,4 +778,4 @@ void kernels(ElasticKernels<8>& out)
     out = kKernels<8>;
 }
 
-} // namespace cellwarp::CELLWARP_LANES_FOR
+} // namespace cellwarp::core::CELLWARP_LANES_FOR

@@ -54,7 +54,7 @@
 #include "octree/base/index.h"
 #include "solver/rods/elastic_kernel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -615,4 +615,4 @@ std::unique_ptr<RodTerm> exact_elasticity(const Rod& rod, const ElasticParts& pa
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include "solver/rods/rod_term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct ElasticParts
@@ -20,4 +20,4 @@ struct ElasticParts
 /// directions of the section, twist, each against its rest. The rod must outlive it.
 std::unique_ptr<RodTerm> exact_elasticity(const Rod& rod, const ElasticParts& parts = {});
 
-} // namespace cellwarp
+} // namespace cellwarp::core

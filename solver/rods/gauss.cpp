@@ -5,7 +5,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -58,4 +58,4 @@ std::span<const double> gauss_weights(int count)
     return std::span(kWeights[idx(count - 1)]).first(idx(count));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include <span>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 inline constexpr int kMaxGaussPlaces = 9;
@@ -15,4 +15,4 @@ std::span<const double> gauss_places(int count);
 /// Their sum is 1.
 std::span<const double> gauss_weights(int count);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

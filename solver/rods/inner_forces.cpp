@@ -16,7 +16,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -185,4 +185,4 @@ SectionForces InnerForces::in(std::size_t span, double s) const
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "solver/rods/rod.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// The action of the part ahead of a section on the part behind it; ahead is where the
@@ -53,4 +53,4 @@ private:
     std::vector<std::size_t> piece_of_span_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

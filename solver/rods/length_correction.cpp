@@ -7,7 +7,7 @@
 
 #include "solver/rods/elasticity.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 LengthCorrection::LengthCorrection(const Rod& rod)
@@ -56,4 +56,4 @@ void LengthCorrection::correct(const RodState& base, std::span<const RodConstrai
         moved.move(back);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

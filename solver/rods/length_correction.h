@@ -12,7 +12,7 @@
 #include "solver/rods/rod_constraint.h"
 #include "solver/rods/rod_term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A slender rod is far stiffer along itself than across, and what turns it stretches it
@@ -42,4 +42,4 @@ private:
     bool is_of_base_ = false;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "solver/rods/springs.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 PointSprings::PointSprings(const Rod& rod, std::vector<PointSpring> springs)
@@ -63,4 +63,4 @@ std::unique_ptr<PointSprings> point_springs(const Rod& rod,
     return std::make_unique<PointSprings>(rod, std::move(springs));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

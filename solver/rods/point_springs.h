@@ -9,7 +9,7 @@
 #include "solver/dynamics/distance_springs.h"
 #include "solver/rods/rod_term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct PointSpring
@@ -48,4 +48,4 @@ private:
 std::unique_ptr<PointSprings> point_springs(const Rod& rod,
                                             std::vector<PointSpring> springs);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -25,7 +25,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -712,4 +712,4 @@ Spline RodState::curve() const
     return curve;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

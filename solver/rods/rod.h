@@ -16,7 +16,7 @@
 #include "solver/rods/gauss.h"
 #include "solver/rods/spline.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// What a cross section withstands and weighs, at one place of the rod.
@@ -295,4 +295,4 @@ private:
     std::vector<double> chain_, winding_;              ///< of the spans
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

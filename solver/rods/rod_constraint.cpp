@@ -30,7 +30,7 @@
 #include "octree/base/rigid_motion.h"
 #include "solver/rods/slide.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -470,4 +470,4 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

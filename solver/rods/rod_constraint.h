@@ -10,7 +10,7 @@
 
 #include "solver/rods/rod.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class HoldKind
@@ -100,4 +100,4 @@ std::vector<std::pair<int, double>> spin_at(const RodState& state, double s);
 std::vector<std::pair<int, double>> turn_at(const RodState& state, double s,
                                             const Eigen::Vector3d& axis);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

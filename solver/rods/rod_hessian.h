@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How much of the second derivatives.
@@ -12,4 +12,4 @@ enum class RodHessian
     Definite ///< positive semi-definite: without what curves downwards
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -239,4 +239,4 @@ Eigen::Vector3d RodMass::angular_momentum(const RodState& state,
     return sum;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

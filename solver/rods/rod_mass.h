@@ -11,7 +11,7 @@
 #include "solver/linear/band_matrix.h"
 #include "solver/rods/rod.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class RodMass
@@ -60,4 +60,4 @@ private:
     Eigen::VectorXd weights_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 RodModel::RodModel(const Rod& rod) : rod_(&rod), mass_(rod) {}
@@ -236,7 +236,7 @@ void RodModel::stop_leading()
 void RodModel::carry(const RodState& state)
 {
     for (RodConstraint& constraint : constraints)
-        cellwarp::carry(constraint, state);
+        cellwarp::core::carry(constraint, state);
 }
 
 void RodModel::lead_to(double time)
@@ -398,7 +398,7 @@ double RodModel::sliding_energy(const RodState& state) const
 {
     double sum = 0.0;
     for (const Sliding& sliding : state.sliding)
-        sum += cellwarp::sliding_energy(sliding);
+        sum += cellwarp::core::sliding_energy(sliding);
     return sum;
 }
 
@@ -488,4 +488,4 @@ void add_forces(const std::vector<SparseRow>& rows, const Eigen::VectorXd& lambd
             out[unknown] += scale * lambda[static_cast<Eigen::Index>(r)] * value;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

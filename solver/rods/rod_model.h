@@ -17,7 +17,7 @@
 #include "solver/rods/rod_term.h"
 #include "solver/rods/slide.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A force and a couple of fixed directions.
@@ -170,4 +170,4 @@ private:
 void add_forces(const std::vector<SparseRow>& rows, const Eigen::VectorXd& lambda,
                 double scale, Eigen::VectorXd& out);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

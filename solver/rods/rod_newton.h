@@ -7,7 +7,7 @@
 #include "solver/dynamics/articulation.h"
 #include "solver/rods/rod_object.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class RodNewton
@@ -33,4 +33,4 @@ private:
     Articulation alone_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -33,7 +33,7 @@
 #include "solver/dynamics/contradiction.h"
 #include "solver/linear/rounding.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -566,4 +566,4 @@ void RodObject::go_back()
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

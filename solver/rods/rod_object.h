@@ -12,7 +12,7 @@
 #include "solver/rods/rod_model.h"
 #include "solver/rods/rod_response.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A stiffness at a place of a rod, from outside.
@@ -137,4 +137,4 @@ private:
     SaddleSolver saddle_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -291,4 +291,4 @@ std::optional<double> breaking_place(const RodState& state, const BreakingLimits
     return found;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

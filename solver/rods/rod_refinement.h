@@ -11,7 +11,7 @@
 
 #include "solver/rods/rod_model.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A rod in motion, whose parts change together. All must outlive it.
@@ -74,4 +74,4 @@ struct BreakingLimits
 /// none is.
 std::optional<double> breaking_place(const RodState& state, const BreakingLimits& limits);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include <Eigen/QR>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -153,4 +153,4 @@ Eigen::VectorXd RodResponse::change(const Eigen::VectorXd& wanted) const
     return x;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "solver/rods/rod_model.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How a rod moves where forces act along rows of constraints: by a dense system of as
@@ -44,4 +44,4 @@ private:
     std::unique_ptr<SaddleSolver> band_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -29,7 +29,7 @@
 
 #include <Eigen/Cholesky>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -435,4 +435,4 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& rod_velocity,
         report.stop = MotionStop::EnergyGrew;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

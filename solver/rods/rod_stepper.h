@@ -13,7 +13,7 @@
 #include "solver/rods/rod_object.h"
 #include "solver/rods/rod_response.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 enum class Integrator
@@ -81,4 +81,4 @@ private:
     int num_explicit_ = 0;                        ///< steps
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "solver/rods/rod.h"
 #include "solver/rods/rod_hessian.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Vectors are of RodLayout. Derivatives are in steps from the state.
@@ -76,4 +76,4 @@ public:
     }
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -23,7 +23,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -208,4 +208,4 @@ ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& stat
     return Again::FromBegin;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

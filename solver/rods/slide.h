@@ -9,7 +9,7 @@
 #include "solver/dynamics/articulable_object.h"
 #include "solver/rods/rod.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct RodSlide
@@ -71,4 +71,4 @@ ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& stat
                                      const SlidePress& press, bool is_last,
                                      Sliding& begin, Sliding& end);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

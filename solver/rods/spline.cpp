@@ -15,7 +15,7 @@
 #include "solver/linear/band_lu.h"
 #include "solver/rods/gauss.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -600,4 +600,4 @@ Eigen::Vector3d any_normal(const Eigen::Vector3d& tangent)
     return (axis - tangent.dot(axis) * tangent).normalized();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 
 #include "solver/rods/spline_basis.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// P, P' = dP/ds and P'' at one parameter.
@@ -184,4 +184,4 @@ inline Eigen::Vector3d turn_of_hop(const Eigen::Vector3d& a, const Eigen::Vector
     return 2.0 / hop_scale(a, b) * a.cross(b);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 SplineBasis SplineBasis::open(int degree, std::vector<double> knots)
@@ -168,4 +168,4 @@ BasisValues SplineBasis::values_in(int span, double s) const
     return out;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

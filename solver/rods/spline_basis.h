@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Most control points that act at one parameter.
@@ -78,4 +78,4 @@ private:
     std::vector<int> knot_of_span_; ///< the last knot that is not beyond its begin
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

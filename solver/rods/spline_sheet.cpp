@@ -32,7 +32,7 @@
 #include "solver/linear/rounding.h"
 #include "solver/rods/gauss.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -685,4 +685,4 @@ SaddleSolver::Report SplineSheet::factorize(const Eigen::VectorXd& lambda, int& 
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

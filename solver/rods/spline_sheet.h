@@ -13,7 +13,7 @@
 #include "solver/dynamics/distance_springs.h"
 #include "solver/rods/spline_basis.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// At rest a parallelogram, or a box of three sides.
@@ -185,4 +185,4 @@ private:
     SaddleSolver saddle_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -27,7 +27,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -310,4 +310,4 @@ void add_second_derivatives(const DistanceSprings& springs, const RodState& stat
                            });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "solver/dynamics/distance_springs.h"
 #include "solver/rods/rod_term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Springs between samples at knots and in the middle of spans: of their distances for
@@ -29,4 +29,4 @@ PointShares shares_of(const Rod& rod, const BasisValues& values, int order);
 void add_second_derivatives(const DistanceSprings& springs, const RodState& state,
                             RodHessian how, BandMatrix& out);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

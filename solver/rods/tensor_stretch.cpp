@@ -22,7 +22,7 @@
 
 #include "solver/rods/gauss.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -406,4 +406,4 @@ std::unique_ptr<RodTerm> tensor_stretch(const Rod& rod)
     return std::make_unique<TensorStretch>(rod);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

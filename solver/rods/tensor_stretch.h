@@ -9,7 +9,7 @@
 
 #include "solver/rods/rod_term.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Numbers N_ijkl that are the same in whatever order the indices stand, and zero unless
@@ -51,4 +51,4 @@ private:
 /// outlive it.
 std::unique_ptr<RodTerm> tensor_stretch(const Rod& rod);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

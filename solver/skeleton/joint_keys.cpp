@@ -18,7 +18,7 @@
 
 #include "octree/base/half_turn.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -176,4 +176,4 @@ Vector3d ShiftKeys::at(double time) const
     return w[0] * shifts[key] + w[2] * shifts[key + 1] + h * (w[1] * out + w[3] * in);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

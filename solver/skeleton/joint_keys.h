@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// How values come about between two keys.
@@ -66,4 +66,4 @@ Eigen::Quaterniond nearer_sign(const Eigen::Quaterniond& before,
 /// The quaternion of a rotation vector [rad].
 Eigen::Quaterniond exponential(const Eigen::Vector3d& vector);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

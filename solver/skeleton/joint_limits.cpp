@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -81,4 +81,4 @@ Quaterniond limited(const Quaterniond& turn, const JointLimits& limits,
     return about(across, most) * about(axis, twist);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// Of a joint's turn from rest, which is a twist about its axis and then a swing of that
@@ -37,4 +37,4 @@ double twist_angle(const Eigen::Quaterniond& turn, const Eigen::Vector3d& axis);
 Eigen::Quaterniond limited(const Eigen::Quaterniond& turn, const JointLimits& limits,
                            const Eigen::Vector3d& axis);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -160,4 +160,4 @@ void KeyedReach::solve(double time, SkeletonPose& pose) const
     reach_from(time, pose);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "solver/skeleton/reach.h"
 #include "solver/skeleton/skeleton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A joint that reaches the places of its keys.
@@ -77,4 +77,4 @@ private:
     std::vector<Miss> misses_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -25,7 +25,7 @@
 #include "octree/base/index.h"
 #include "solver/skeleton/joint_keys.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -351,4 +351,4 @@ ReachReport reach(const Skeleton& skeleton, std::span<const ReachTarget> targets
     return Reacher(skeleton, targets, pose).solve();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

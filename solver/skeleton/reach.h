@@ -9,7 +9,7 @@
 
 #include "solver/skeleton/skeleton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 /// A joint that is to come to a place.
@@ -36,4 +36,4 @@ std::vector<int> usual_chain(const Skeleton& skeleton, int joint);
 ReachReport reach(const Skeleton& skeleton, std::span<const ReachTarget> targets,
                   SkeletonPose& pose);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

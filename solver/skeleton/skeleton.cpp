@@ -13,7 +13,7 @@
 #include "octree/base/index.h"
 #include "solver/skeleton/joint_keys.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Quaterniond;
@@ -107,4 +107,4 @@ SkeletonPose between(const SkeletonPose& from, const SkeletonPose& to, double t)
     return pose;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "octree/base/rigid_motion.h"
 #include "solver/skeleton/joint_limits.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 struct RestJoint
@@ -72,4 +72,4 @@ private:
 /// exactly \p to at 1.
 SkeletonPose between(const SkeletonPose& from, const SkeletonPose& to, double t);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

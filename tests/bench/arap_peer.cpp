@@ -20,21 +20,21 @@
 namespace
 {
 
-using cellwarp::Clock;
-using cellwarp::seconds_since;
-using cellwarp::bench::Scene;
+using cellwarp::core::Clock;
+using cellwarp::core::seconds_since;
+using cellwarp::core::bench::Scene;
 using Eigen::Vector3d;
 using Json = nlohmann::ordered_json;
 using Point = CGAL::Simple_cartesian<double>::Point_3;
 using Mesh = CGAL::Surface_mesh<Point>;
 using Points = std::vector<Vector3d>;
 
-Mesh mesh_of(const cellwarp::Shape& shape)
+Mesh mesh_of(const cellwarp::core::Shape& shape)
 {
     Mesh mesh;
     for (const Vector3d& x : shape.samples)
         mesh.add_vertex(Point(x.x(), x.y(), x.z()));
-    for (const cellwarp::Triangle& t : shape.triangles)
+    for (const cellwarp::core::Triangle& t : shape.triangles)
         if (mesh.add_face(Mesh::Vertex_index(t[0]), Mesh::Vertex_index(t[1]),
                           Mesh::Vertex_index(t[2])) == Mesh::null_face())
             throw std::runtime_error("the mesh is no manifold");
@@ -131,10 +131,10 @@ End run(Peer& peer, double diagonal, double tolerance, double max_seconds,
     return end;
 }
 
-double volume(const cellwarp::Shape& shape, const Points& positions)
+double volume(const cellwarp::core::Shape& shape, const Points& positions)
 {
     double six_volumes = 0.0;
-    for (const cellwarp::Triangle& t : shape.triangles)
+    for (const cellwarp::core::Triangle& t : shape.triangles)
         six_volumes += positions[t[0]].dot(positions[t[1]].cross(positions[t[2]]));
     return six_volumes / 6.0;
 }
@@ -197,7 +197,7 @@ template <class Peer>
 Json curve(const Scene& scene, const Flags& flags)
 {
     constexpr double kReferenceTolerance = 1e-8;
-    const double diagonal = cellwarp::bench::diagonal(scene.shape);
+    const double diagonal = cellwarp::core::bench::diagonal(scene.shape);
     Peer reference(scene);
     std::vector<double> movements;
     const End end = run(reference, diagonal, kReferenceTolerance, flags.reference_seconds,
@@ -240,10 +240,10 @@ double peak_rss_mb()
 template <class Peer>
 Json measure(const Flags& flags)
 {
-    const Scene scene = cellwarp::bench::make_scene(flags.scene);
+    const Scene scene = cellwarp::core::bench::make_scene(flags.scene);
     Peer peer(scene);
-    const End end = run(peer, cellwarp::bench::diagonal(scene.shape), flags.tolerance,
-                        flags.max_seconds, [](const End&) {});
+    const End end = run(peer, cellwarp::core::bench::diagonal(scene.shape),
+                        flags.tolerance, flags.max_seconds, [](const End&) {});
     Json json = {{"peer", "CGAL " CGAL_VERSION_STR " Surface_mesh_deformation"},
                  {"energy", flags.energy},
                  {"scene", scene.name},

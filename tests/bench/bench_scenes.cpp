@@ -10,7 +10,7 @@
 
 int main(int argc, char** argv)
 {
-    using namespace cellwarp;
+    using namespace cellwarp::core;
     if (argc < 3)
     {
         fmt::print(stderr, "usage: bench_scenes FOLDER NAME...\nnames:");

@@ -19,7 +19,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 constexpr double kSide = 9.0, kLength = 25.0;
 

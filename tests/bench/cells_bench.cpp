@@ -22,7 +22,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 constexpr int kAcross = 18;
 constexpr int kDepth = 2;

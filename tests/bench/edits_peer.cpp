@@ -34,7 +34,7 @@
 #include "octree/base/point_tree.h"
 #include "octree/base/segment.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -317,7 +317,7 @@ void measure(const std::string& path)
 
 } // namespace
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench
 
 int main(int argc, char** argv)
 {
@@ -331,9 +331,9 @@ int main(int argc, char** argv)
     try
     {
         for (int k = 1; k < argc; ++k)
-            cellwarp::bench::measure(argv[k]);
+            cellwarp::core::bench::measure(argv[k]);
     }
-    catch (const cellwarp::Error& error)
+    catch (const cellwarp::core::Error& error)
     {
         fmt::print(stderr, "error: {}\n", error.what());
         return static_cast<int>(error.fault());

@@ -22,8 +22,8 @@
 namespace
 {
 
-using namespace cellwarp;
-using namespace cellwarp::support;
+using namespace cellwarp::core;
+using namespace cellwarp::core::support;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;

@@ -18,7 +18,7 @@
 #include "octree/base/index.h"
 #include "solver/cells/refinement.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -168,14 +168,14 @@ void compare(const Scene& scene)
 
 } // namespace
 
-} // namespace cellwarp
+} // namespace cellwarp::core
 
 int main()
 {
     try
     {
-        for (const cellwarp::Scene& scene : cellwarp::kScenes)
-            cellwarp::compare(scene);
+        for (const cellwarp::core::Scene& scene : cellwarp::core::kScenes)
+            cellwarp::core::compare(scene);
     }
     catch (const std::exception& error)
     {

@@ -25,7 +25,7 @@
 #include "tests/support/pot.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -209,7 +209,7 @@ void measure(Case& c)
 
 } // namespace
 
-} // namespace cellwarp
+} // namespace cellwarp::core
 
 int main(int argc, char** argv)
 {
@@ -217,14 +217,14 @@ int main(int argc, char** argv)
     {
         fmt::print("| | flood: opening | off | time | hollows: opening | off | time |\n"
                    "|---|---|---|---|---|---|---|\n");
-        for (cellwarp::Case& c : cellwarp::cases())
+        for (cellwarp::core::Case& c : cellwarp::core::cases())
             if (argc < 2 || std::any_of(argv + 1, argv + argc,
                                         [&](const char* word) {
                                             return c.name.find(word) != std::string::npos;
                                         }))
-                cellwarp::measure(c);
+                cellwarp::core::measure(c);
     }
-    catch (const cellwarp::Error& error)
+    catch (const cellwarp::core::Error& error)
     {
         std::fprintf(stderr, "inside_bench: %s\n", error.what());
         return 1;

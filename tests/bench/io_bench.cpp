@@ -15,7 +15,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 std::size_t wanted_bytes()
 {

@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "octree/base/rigid_motion.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Matrix3d;
@@ -156,4 +156,4 @@ void PbdRod::stop()
         segment.v = segment.omega = Vector3d::Zero();
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

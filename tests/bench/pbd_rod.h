@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class PbdRod
@@ -53,4 +53,4 @@ private:
     std::vector<Vector6> right_;
 };
 
-} // namespace cellwarp
+} // namespace cellwarp::core

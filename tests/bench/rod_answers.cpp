@@ -12,7 +12,7 @@
 
 #include "octree/base/clock.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 void Answers::begin(const std::string& title)
@@ -116,18 +116,18 @@ Rod ring_case(int points, const Section& section, const RodSettings& settings)
         spline_through(on, true, 1), [section](double) { return section; }, settings);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core
 
 int main()
 {
     try
     {
-        cellwarp::Answers answers;
-        cellwarp::add_statics(answers);
-        cellwarp::add_stability(answers);
-        cellwarp::add_vibrations(answers);
-        cellwarp::add_motion(answers);
-        cellwarp::add_sliding(answers);
+        cellwarp::core::Answers answers;
+        cellwarp::core::add_statics(answers);
+        cellwarp::core::add_stability(answers);
+        cellwarp::core::add_vibrations(answers);
+        cellwarp::core::add_motion(answers);
+        cellwarp::core::add_sliding(answers);
         fmt::print("# Rods against exact numbers\n\nMade by `scripts/bench answers`; "
                    "the last three tables by what `simulate` reports. Errors are shares "
                    "of the exact number, or of what the row names; "

@@ -10,7 +10,7 @@
 #include "solver/rods/rod_model.h"
 #include "solver/rods/rod_newton.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 class Answers
@@ -85,4 +85,4 @@ void add_vibrations(Answers& answers);
 void add_motion(Answers& answers);
 void add_sliding(Answers& answers);
 
-} // namespace cellwarp
+} // namespace cellwarp::core

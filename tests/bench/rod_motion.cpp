@@ -14,7 +14,7 @@
 #include "solver/rods/rod_stepper.h"
 #include "tests/bench/rod_answers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -480,4 +480,4 @@ void add_motion(Answers& answers)
     add_stiffness(answers);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

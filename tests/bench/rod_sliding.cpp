@@ -19,7 +19,7 @@
 #include "solver/rods/rod_stepper.h"
 #include "tests/bench/rod_answers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -606,4 +606,4 @@ void add_sliding(Answers& answers)
     add_long_run(answers);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "tests/bench/rod_answers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -170,4 +170,4 @@ void add_stability(Answers& answers)
     add_rings(answers);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

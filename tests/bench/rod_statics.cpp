@@ -8,7 +8,7 @@
 
 #include "tests/bench/rod_answers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -309,4 +309,4 @@ void add_statics(Answers& answers)
     add_jump(answers);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

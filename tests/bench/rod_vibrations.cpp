@@ -10,7 +10,7 @@
 
 #include "tests/bench/rod_answers.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -160,4 +160,4 @@ void add_vibrations(Answers& answers)
     add_chain(answers);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -28,7 +28,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 

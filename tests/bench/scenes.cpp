@@ -17,7 +17,7 @@
 #include "io/formats/geometry_file.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -389,4 +389,4 @@ double diagonal(const Shape& shape)
     return (high_corner(shape.samples) - low_corner(shape.samples)).norm();
 }
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

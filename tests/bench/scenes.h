@@ -13,7 +13,7 @@
 
 #include "octree/material.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 struct Scene
@@ -41,4 +41,4 @@ void write_scene(const Scene& scene, const std::filesystem::path& folder);
 /// The diagonal of the bounding box: what errors are relative to [model unit].
 double diagonal(const Shape& shape);
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

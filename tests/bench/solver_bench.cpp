@@ -27,7 +27,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 using Counters = benchmark::UserCounters;

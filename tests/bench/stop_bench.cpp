@@ -28,7 +28,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 struct Edit
 {

@@ -29,7 +29,7 @@
 #include "io/base/error.h"
 #include "octree/base/index.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -427,4 +427,4 @@ TetSolveReport TetSolver::solve(Eigen::Matrix3Xd& x, const TetSolveOptions& opti
     return report;
 }
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

@@ -14,7 +14,7 @@
 
 #include "tests/bench/tet_mesh.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 /// A place where the energy is sampled.
@@ -128,4 +128,4 @@ private:
     Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> factor_;
 };
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

@@ -9,7 +9,7 @@
 #include "tests/bench/tet_box.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -199,4 +199,4 @@ TEST(TetElements, quadratic_ones_come_near_the_same_energy_with_fewer_tetrahedra
     EXPECT_GT(twisted(6, 18, 1), fine);
 }
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

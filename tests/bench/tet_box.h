@@ -4,7 +4,7 @@
 
 #include "tests/bench/tet_mesh.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 /// Boxes of six tetrahedra each around a diagonal, so many along the axes. Its lowest
@@ -40,4 +40,4 @@ inline TetMesh box_of_tets(const Eigen::Vector3d& size, const Eigen::Vector3i& c
     return mesh;
 }
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

@@ -19,7 +19,7 @@
 #include "io/base/error.h"
 #include "octree/base/index.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -112,4 +112,4 @@ TetMesh fill_with_tets(const Shape& surface, const EdgeLength& edge, double shar
     return mesh_of(CGAL::make_mesh_3<Complex>(domain, criteria));
 }
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

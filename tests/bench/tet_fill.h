@@ -8,7 +8,7 @@
 #include "octree/material.h"
 #include "tests/bench/tet_mesh.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 /// How long the edges of tetrahedra are to be about a place.
@@ -20,4 +20,4 @@ using EdgeLength = std::function<double(const Eigen::Vector3d&)>;
 /// closed.
 TetMesh fill_with_tets(const Shape& surface, const EdgeLength& edge, double sharp);
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

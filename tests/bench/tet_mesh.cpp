@@ -18,7 +18,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -351,4 +351,4 @@ TetFinder::Found TetFinder::find(const Eigen::Vector3d& x) const
     return found;
 }
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

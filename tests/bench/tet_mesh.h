@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 using Tet = std::array<int, 4>;
@@ -56,4 +56,4 @@ private:
 /// Six times the volume of a tetrahedron, with its sign.
 double six_volumes(const TetMesh& mesh, const Tet& tet);
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

@@ -12,7 +12,7 @@
 #include "tests/bench/tet_box.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -148,4 +148,4 @@ TEST(TetFinder, a_flat_tetrahedron_far_away_is_not_the_nearest)
     EXPECT_EQ(TetFinder(mesh).find({0.9, 0.1, 0.01}).tet, 0u);
 }
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench

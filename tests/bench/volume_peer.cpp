@@ -27,7 +27,7 @@
 #include "tests/bench/tet_fill.h"
 #include "tests/bench/tet_mesh.h"
 
-namespace cellwarp::bench
+namespace cellwarp::core::bench
 {
 
 namespace
@@ -248,11 +248,11 @@ int run(const Flags& flags)
 
 } // namespace
 
-} // namespace cellwarp::bench
+} // namespace cellwarp::core::bench
 
 int main(int argc, char** argv)
 {
-    cellwarp::bench::Flags flags;
+    cellwarp::core::bench::Flags flags;
     CLI::App app("A scene deformed as rigidly as possible by tetrahedra");
     app.add_option("SCENE", flags.scene, "a scene file with handles, one stage")
         ->required();
@@ -273,7 +273,7 @@ int main(int argc, char** argv)
     CLI11_PARSE(app, argc, argv);
     try
     {
-        return cellwarp::bench::run(flags);
+        return cellwarp::core::bench::run(flags);
     }
     catch (const std::exception& error)
     {

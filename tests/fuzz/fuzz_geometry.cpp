@@ -10,7 +10,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 namespace
 {

@@ -14,7 +14,7 @@
 #include "io/journal/journal.h"
 #include "octree/base/index.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 namespace
 {

@@ -10,7 +10,7 @@
 
 #include "solver/field/rbf.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 namespace
 {

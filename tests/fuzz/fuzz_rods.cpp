@@ -12,7 +12,7 @@
 #include "io/base/error.h"
 #include "library/time/simulation.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 namespace
 {

@@ -11,7 +11,7 @@
 #include "io/scene/handle_file.h"
 #include "io/scene/scene_file.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 namespace
 {

@@ -10,7 +10,7 @@
 #include "io/base/error.h"
 #include "io/scene/skeleton_file.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 namespace
 {

@@ -21,7 +21,7 @@
 #include "solver/cells/constraints.h"
 #include "solver/cells/glue.h"
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 namespace
 {

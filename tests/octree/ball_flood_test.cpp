@@ -9,7 +9,7 @@
 
 #include "tests/support/grids.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3i;
@@ -169,4 +169,4 @@ TEST(BallFlood, of_no_marks_comes_everywhere)
     EXPECT_TRUE(dry.is_zero(0, dry.size()));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

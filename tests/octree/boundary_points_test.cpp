@@ -8,7 +8,7 @@
 #include "tests/support/grids.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -107,4 +107,4 @@ TEST(BoundaryPoints, of_two_materials_lie_where_they_touch)
     EXPECT_GT(std::count_if(points.all().begin(), points.all().end(), at_border(10)), 0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

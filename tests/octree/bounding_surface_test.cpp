@@ -10,7 +10,7 @@
 #include "octree/joined_samples.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -146,4 +146,4 @@ TEST(BoundingSurface, of_many_triangles_tells_each_open_edge)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

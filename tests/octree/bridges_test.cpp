@@ -8,7 +8,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -133,4 +133,4 @@ TEST(Bridges, are_none_where_nothing_or_everything_is_held)
                         .all.empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::box_shape;
@@ -332,4 +332,4 @@ TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
     EXPECT_TRUE(has_notches);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -141,4 +141,4 @@ TEST(CentreLine, where_there_is_no_shape_there_is_none)
     EXPECT_TRUE(centre_line(one_place, {}).places.empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

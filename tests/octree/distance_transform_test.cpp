@@ -8,7 +8,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(SpreadLabels, every_voxel_gets_the_label_of_a_nearest_one)
@@ -57,4 +57,4 @@ TEST(SpreadLabels, without_a_label_there_is_nothing_to_spread)
     EXPECT_EQ(labels, std::vector<std::int32_t>(8, -1));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "tests/support/grids.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -86,4 +86,4 @@ TEST(Fragments, what_hangs_together_stays_as_it_is)
     EXPECT_EQ(grid.material(), before);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "tests/support/program.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -248,4 +248,4 @@ TEST(Hollows, a_wide_opening_that_is_closed_is_told)
     EXPECT_EQ(shell.err.find("is taken as closed"), std::string::npos) << shell.err;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

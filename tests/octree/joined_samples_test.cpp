@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(JoinedSamples, are_the_first_at_their_place_whatever_the_number)
@@ -34,4 +34,4 @@ TEST(JoinedSamples, are_the_first_at_their_place_whatever_the_number)
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

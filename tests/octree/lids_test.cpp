@@ -12,7 +12,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -108,4 +108,4 @@ TEST(Lids, nothing_is_added_where_nothing_is_open)
     EXPECT_EQ(with_lids(Shape{box.samples, {}}).samples.size(), box.samples.size());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

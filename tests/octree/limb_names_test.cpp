@@ -8,7 +8,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -85,4 +85,4 @@ TEST(LimbNames, without_legs_limbs_have_numbers)
               (std::vector<std::string>{"root", "limb1.1", "limb2.1.L", "limb2.1.R"}));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "tests/support/pot.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -400,4 +400,4 @@ TEST(LimbTree, what_has_no_line_has_no_joints)
     EXPECT_TRUE(limb_tree(three).empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "octree/hold_together.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -157,4 +157,4 @@ TEST(MaterialBlocks, write_their_voxels_as_runs)
     EXPECT_EQ(found.size(), wanted.size());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

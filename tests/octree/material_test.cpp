@@ -13,7 +13,7 @@
 #include "octree/pieces.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::box_shape;
@@ -337,4 +337,4 @@ TEST(PointSpacing, ignores_coincident_points)
     EXPECT_EQ(point_spacing(std::vector<Eigen::Vector3d>(100, {1, 2, 3})), 0.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

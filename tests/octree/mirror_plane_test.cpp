@@ -11,7 +11,7 @@
 #include "tests/support/person.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -88,4 +88,4 @@ TEST(MirrorPlanes, of_few_samples_there_is_none)
     EXPECT_TRUE(mirror_planes({{0, 0, 0}, {1, 0, 0}}).empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/cells.h"
 #include "tests/support/bodies.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::box_shape;
@@ -160,4 +160,4 @@ TEST(Mirror, walls_inside_and_leaves_that_overhang_by_a_half_come_out_alike)
                 }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

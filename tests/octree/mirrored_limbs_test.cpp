@@ -7,7 +7,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -94,4 +94,4 @@ TEST(MirroredLimbs, what_begins_beside_the_plane_is_refused)
     EXPECT_EQ(in_it[1].at, Vector3d(1, 0.01, 0));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

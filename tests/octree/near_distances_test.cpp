@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -147,4 +147,4 @@ TEST(Shrink, keeps_what_is_deeper_than_the_reach)
     EXPECT_TRUE(all[0] && all[7]);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -155,4 +155,4 @@ TEST(NearestSamples, reach_no_farther_than_the_material)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -219,4 +219,4 @@ TEST(Notches, pieces_taken_over_from_another_octree_are_as_made_from_nothing)
               find_pieces(material.grid, fine).size());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

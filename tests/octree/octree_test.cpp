@@ -8,7 +8,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -423,4 +423,4 @@ TEST(Octree, keys_stay_exact_at_twenty_levels)
     EXPECT_EQ(octree.find({1, 0, 0}), LeafNumber::None);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/winding.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -138,4 +138,4 @@ TEST(OpenInside, a_sheet_encloses_nothing_in_voxels_of_any_size)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

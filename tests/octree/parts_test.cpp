@@ -10,7 +10,7 @@
 #include "octree/nearest_sample.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -279,4 +279,4 @@ TEST(Parts, of_shells_are_apart_too)
     EXPECT_FALSE(boxes.material.is_sheet.empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

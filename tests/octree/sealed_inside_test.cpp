@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "tests/support/grids.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3i;
@@ -212,4 +212,4 @@ TEST(SealedInside, a_few_marks_in_a_large_box_enclose_nothing)
     EXPECT_EQ(SealedInside(grid, marks, 8).radius(), -1);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "octree/wrap/triangle_pair.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -550,4 +550,4 @@ TEST(SelfIntersections, are_not_counted_where_all_triangles_lie_in_one_place)
     EXPECT_FALSE(IntersectionCounter(heap.triangles, heap.samples).count(heap.samples));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "octree/base/parallel.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(SharedMarks, of_many_threads_are_all_there_and_nothing_else_is)
@@ -50,4 +50,4 @@ TEST(SharedMarks, are_there_only_with_all_their_bits)
     EXPECT_TRUE(marks.has(4, 3));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

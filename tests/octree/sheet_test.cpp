@@ -13,7 +13,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_rotation;
@@ -258,4 +258,4 @@ TEST(Sheet, is_not_what_bounds_an_inside)
     EXPECT_GT(sheets, 1000u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -230,4 +230,4 @@ TEST(SurfaceMarks, of_a_triangle_in_a_row_reach_as_far_as_it_does)
                                 kTouched | SurfaceMark::side(0, false), 0, 0, 0}));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

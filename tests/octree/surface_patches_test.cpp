@@ -8,7 +8,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -174,4 +174,4 @@ TEST(ContourView, needs_a_direction_from_which_all_triangles_face_the_viewer)
     EXPECT_EQ(views_of(Eigen::Vector3d::Zero()), 0u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

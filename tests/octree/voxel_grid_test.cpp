@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(VoxelGrid, covers_the_box_exactly)
@@ -130,4 +130,4 @@ TEST(VoxelGrid, numbers_the_finest_boxes_that_hold_its_voxels)
     EXPECT_EQ(grid.box({step, 0, 0}), grid.box({0, 0, 0}) + 1);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -100,4 +100,4 @@ TEST(VoxelRuns, united_hold_what_is_in_either)
     EXPECT_EQ(list_of(united(a, {})), list_of(a));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -71,4 +71,4 @@ TEST(VoxelTree, finds_what_comparing_all_with_all_finds)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -100,4 +100,4 @@ TEST(VoxelNumbers, have_none_until_they_are_set)
               (std::vector<std::pair<std::size_t, int>>{{50, 0}, {60, 7}, {62, 7}}));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "octree/bounding_surface.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -152,4 +152,4 @@ TEST(Winding, of_nothing_is_nothing)
     EXPECT_TRUE(votes.is_zero(0, votes.size()));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -95,7 +95,7 @@ void operator delete(void* memory, std::size_t, std::align_val_t) noexcept
     give_back(memory);
 }
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 std::size_t num_allocations()
@@ -128,4 +128,4 @@ std::size_t MostMemory::bytes() const
     return most - before_;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// How often the program's own code took memory, by operator new or as Eigen's vectors
@@ -35,4 +35,4 @@ public:
     bool has_failed() const;
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

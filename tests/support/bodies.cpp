@@ -9,7 +9,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 namespace
@@ -69,4 +69,4 @@ Shape turned(Shape shape, const Eigen::Matrix3d& Q)
     return shape;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

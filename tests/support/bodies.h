@@ -4,7 +4,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// Two bars at a right angle, 4 x 2 x 1: the one along x up to y = \p width, the one
@@ -17,4 +17,4 @@ Shape hand();
 /// Mirror images and quarter turns, moved to the origin.
 Shape turned(Shape shape, const Eigen::Matrix3d& Q);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

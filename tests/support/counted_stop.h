@@ -8,7 +8,7 @@
 
 #include "octree/base/stop_scope.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 class CountedStop final : public StopScope
@@ -26,4 +26,4 @@ private:
     mutable std::atomic<std::int64_t> num_looks_ = 0;
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -5,7 +5,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 DenseEnergy::Structure::Structure(std::vector<int> of) : sizes(std::move(of)), first(1, 0)
@@ -65,4 +65,4 @@ Eigen::MatrixXd Quadratic::hessian_at(const Eigen::VectorXd&, Curvature) const
     return A_;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

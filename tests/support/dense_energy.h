@@ -10,7 +10,7 @@
 
 #include "solver/minimize/energy.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// The state is the vector; a step is added to it. Every block is coupled to every other.
@@ -101,4 +101,4 @@ private:
     Eigen::MatrixXd inverse_;
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 namespace
@@ -239,4 +239,4 @@ void check_energy(Energy& energy, std::mt19937& rng)
     check_gauss_newton(energy);
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

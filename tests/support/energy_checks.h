@@ -9,7 +9,7 @@
 
 #include "solver/minimize/energy.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// H as multiply() has it, column by column; of the last linearise().
@@ -46,4 +46,4 @@ void check_zero_residuals(Energy& energy);
 /// All but the last.
 void check_energy(Energy& energy, std::mt19937& rng);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

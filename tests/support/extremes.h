@@ -9,7 +9,7 @@
 
 #include "tests/support/program.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// Runs those with \p only in their names: all converge and keep their constraints.
@@ -32,4 +32,4 @@ inline void expect_stable_extremes(const std::string& only)
     }
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -119,7 +119,7 @@ extern "C" int __wrap_posix_spawn(pid_t* process, const char* path,
 }
 // NOLINTEND
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 FailingCalls::FailingCalls(int number, How how)
@@ -150,4 +150,4 @@ bool FailingCalls::was_reached()
     return calls >= first;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

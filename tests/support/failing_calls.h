@@ -8,7 +8,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// While it lives, calls that open, read, write, rename or remove files, or start
@@ -87,4 +87,4 @@ int with_each_call_failing(Prepare&& prepare, Work&& work, Check&& check)
     return errors;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

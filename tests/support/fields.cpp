@@ -5,7 +5,7 @@
 #include "library/session/session.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 std::string twisted_bar_field(FieldKind kind)
@@ -27,4 +27,4 @@ std::string twisted_bar_field(FieldKind kind)
     return field_bytes(session.field_file());
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

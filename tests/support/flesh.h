@@ -12,7 +12,7 @@
 #include "solver/flesh/flesh.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// A bar along x from the origin, its section 1 x 1, in cubes \p across to the section.
@@ -147,4 +147,4 @@ inline double energy_left(Flesh& flesh, const Modes& modes, int mode, double dt)
     return now() / before;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

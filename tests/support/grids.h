@@ -3,7 +3,7 @@
 
 #include "octree/voxel_grid.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// Of cubes of edge 1, each a leaf.
@@ -16,4 +16,4 @@ inline VoxelGrid grid_of(const Eigen::Vector3i& counts)
     return VoxelGrid(shape);
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -10,7 +10,7 @@
 #include "solver/cells/constraints.h"
 #include "solver/cells/glue.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// x = (a + pitch s, r cos s, r sin s), shifted.
@@ -88,4 +88,4 @@ struct HeldBody
     }
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -10,7 +10,7 @@
 #include "solver/cells/constraints.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// The cell whose box has its middle near a point [edges].
@@ -33,4 +33,4 @@ inline std::vector<Constraint> holding(const Built& bar,
     return constraints;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -8,7 +8,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// What \p scanner makes of \p bytes when they come in parts: the first \p head of
@@ -35,4 +35,4 @@ Geometry scanned_in_parts(Scanner scanner, const std::string& bytes, std::size_t
     return out;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -9,7 +9,7 @@
 #include "octree/base/segment.h"
 #include "tests/support/pot.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 namespace
@@ -65,4 +65,4 @@ Person person(double arms, unsigned seed)
     return out;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -4,7 +4,7 @@
 
 #include "octree/shape.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 struct Person
@@ -18,4 +18,4 @@ struct Person
 /// \p arms: how far the arms point down [degree]; 0: T-pose. \p seed: proportions.
 Person person(double arms, unsigned seed);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 namespace
@@ -181,4 +181,4 @@ Vector3d to_origin(std::initializer_list<Shape*> shapes)
     return high - low;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

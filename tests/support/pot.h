@@ -8,7 +8,7 @@
 
 #include "octree/material.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// The closed, outward surface where \p distance is 0, negative inside, in cubes of edge
@@ -31,4 +31,4 @@ Shape cloud_with_hole(const std::vector<Eigen::Vector3d>& points,
 /// Moves the samples of all \p shapes so that their common box begins at 0; its size.
 Eigen::Vector3d to_origin(std::initializer_list<Shape*> shapes);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -12,7 +12,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 namespace
@@ -119,4 +119,4 @@ std::vector<std::string> BarFiles::deform_arguments(const std::vector<std::strin
     return arguments;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

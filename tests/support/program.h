@@ -10,7 +10,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 struct Result
@@ -61,4 +61,4 @@ struct BarFiles
     }
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -15,7 +15,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 namespace
@@ -613,4 +613,4 @@ RandomScene small_random_scene(std::uint32_t seed)
     return Maker(seed, true)();
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

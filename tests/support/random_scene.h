@@ -11,7 +11,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 struct RandomScene
@@ -50,4 +50,4 @@ std::uint32_t number_of_scenes(const char* variable, std::uint32_t otherwise);
 /// Copies the files of a scene to where they stay, and tells where.
 std::string kept_copy(const Folder& folder, std::uint32_t seed);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -9,7 +9,7 @@
 #include "library/session/region_set.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 struct RestModel
@@ -36,4 +36,4 @@ struct RestModel
     }
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -4,7 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 Rod crooked_rod(const RodCase& of, const RodSettings& settings)
@@ -76,4 +76,4 @@ void expect_derivatives(const RodTerm& term, const Rod& rod)
     EXPECT_GT(eigen.eigenvalues().minCoeff(), -1e-10 * eigen.eigenvalues().maxCoeff());
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

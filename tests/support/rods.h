@@ -9,7 +9,7 @@
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_model.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// Of given stiffnesses, its mass 1 a length.
@@ -78,4 +78,4 @@ Eigen::MatrixXd dense(const BandMatrix& H);
 /// the exact second derivatives those of second differences, the definite ones positive.
 void expect_derivatives(const RodTerm& term, const Rod& rod);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

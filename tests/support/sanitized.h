@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// Whether this is a sanitizer's build: it takes terabytes of address space, keeps memory
@@ -12,4 +12,4 @@ inline constexpr bool kIsSanitized = true;
 inline constexpr bool kIsSanitized = false;
 #endif
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

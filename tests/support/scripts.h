@@ -8,7 +8,7 @@
 #include "io/scene/handle_file.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 inline Geometry model(const Shape& shape)
@@ -28,4 +28,4 @@ inline Shape long_bar()
     return box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4);
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

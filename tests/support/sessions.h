@@ -11,7 +11,7 @@
 #include "library/session/session.h"
 #include "tests/support/scripts.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// \p depth: splits below the coarsest cells, by a threshold that small shapes reach.
@@ -44,4 +44,4 @@ inline double largest_difference(const std::vector<Eigen::Vector3d>& a,
     return largest;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -15,7 +15,7 @@
 #include "octree/base/index.h"
 #include "octree/sheet.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 Shape box_shape(const Eigen::Vector3d& low, const Eigen::Vector3d& high, int n)
@@ -343,4 +343,4 @@ std::string samples_folder()
     return CELLWARP_SAMPLES;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -18,7 +18,7 @@
 #include "octree/material.h"
 #include "octree/octree.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// A triangulated closed box of \p n quads along its unit edge, low to high corner.
@@ -99,4 +99,4 @@ std::string data_folder();
 /// The folder of the samples that ship with the project.
 std::string samples_folder();
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -13,7 +13,7 @@
 #include "solver/flesh/lattice.h"
 #include "solver/flesh/part_points.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 struct CellMatrices
@@ -154,4 +154,4 @@ struct PrecomputedIntegrals
     }
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

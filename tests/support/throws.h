@@ -8,7 +8,7 @@
 
 #include "io/base/error.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// Runs the action, expects an Error of this fault, gives its message.
@@ -34,4 +34,4 @@ inline bool contains(const std::string& text, const std::string& part)
     return text.find(part) != std::string::npos;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

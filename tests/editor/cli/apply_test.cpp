@@ -23,7 +23,7 @@
 #include "tests/support/sanitized.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -552,4 +552,4 @@ TEST(Apply, memory_has_a_limit_that_changes_no_byte)
     EXPECT_EQ(num_files(files.folder), before);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -945,4 +945,4 @@ TEST(Cli, every_sample_scene_is_in_order)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

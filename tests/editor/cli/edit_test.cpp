@@ -7,7 +7,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -110,4 +110,4 @@ TEST(Edit, takes_one_file_and_explains_itself)
     EXPECT_LT(help.out.find("  cellwarp edit scan.ply\n"), usage);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

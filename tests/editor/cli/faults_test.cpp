@@ -15,7 +15,7 @@
 #include "tests/support/sanitized.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::BarFiles;
@@ -207,4 +207,4 @@ TEST_P(Faults, of_memory_are_told_as_too_little_of_it)
               1u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

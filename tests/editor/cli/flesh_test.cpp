@@ -12,7 +12,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -393,4 +393,4 @@ TEST(SimulateFlesh, extreme_flesh_ends_in_a_documented_state)
         support::expect_stable_extremes(only);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -114,4 +114,4 @@ TEST(SimulateJoined, the_editor_plays_the_frames_of_simulate_to_the_bit)
                             [](const ShownLine& line) { return line.name == "rope"; }));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using nlohmann::json;
@@ -332,4 +332,4 @@ TEST(Main, check_looks_at_regions_without_frames_too)
     EXPECT_EQ(run({"check", files.model, "--handles", late}).code, 4);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -125,4 +125,4 @@ TEST(Plot, words_are_escaped)
     EXPECT_TRUE(contains(svg, "&lt;l&gt;") && contains(svg, "<title>&lt;t&gt;</title>"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "tests/support/sanitized.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::BarFiles;
@@ -391,4 +391,4 @@ TEST(Process, too_little_memory_ends_in_exit_5_and_leaves_nothing)
     EXPECT_TRUE(ran_out && was_enough);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

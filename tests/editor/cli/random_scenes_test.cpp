@@ -16,7 +16,7 @@
 #include "tests/support/random_scene.h"
 #include "tests/support/sanitized.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -124,4 +124,4 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomScenes, testing::Range(0u, kShards));
 
 } // namespace
 
-} // namespace cellwarp
+} // namespace cellwarp::core

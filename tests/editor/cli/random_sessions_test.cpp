@@ -19,7 +19,7 @@
 #include "tests/support/random_scene.h"
 #include "tests/support/sanitized.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -209,4 +209,4 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomSessions, testing::Range(0u, kShards));
 
 } // namespace
 
-} // namespace cellwarp
+} // namespace cellwarp::core

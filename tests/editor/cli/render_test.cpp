@@ -7,7 +7,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::BarFiles;
@@ -136,4 +136,4 @@ TEST(Render, a_path_that_leads_nowhere_is_a_file_error)
     EXPECT_FALSE(std::filesystem::exists(out));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

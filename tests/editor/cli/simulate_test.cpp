@@ -16,7 +16,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -301,4 +301,4 @@ TEST(SimulateCommand, extreme_rods_end_in_a_documented_state)
         support::expect_stable_extremes(only);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

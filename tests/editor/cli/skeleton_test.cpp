@@ -12,7 +12,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -288,4 +288,4 @@ TEST(SkeletonCli, info_tells_where_limbs_end)
     EXPECT_EQ(run({"info", "--extremities", point}).code, 6);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

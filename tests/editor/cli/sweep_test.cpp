@@ -18,7 +18,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -615,4 +615,4 @@ TEST(SweepReport, sentences_tell_orders_and_savings_and_what_does_not_pay)
     EXPECT_TRUE(contains(sentences[2], "of uniform depth 2 (0.002) is not reached"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::between;
@@ -1237,4 +1237,4 @@ TEST(Document, a_journal_that_tells_no_place_or_no_beginning_is_malformed)
         "header: does not tell what was edited"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

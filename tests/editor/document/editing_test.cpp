@@ -17,7 +17,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -770,4 +770,4 @@ TEST(Editing, a_flat_model_in_the_hand_is_seen_in_space_once_it_leaves_its_plane
     EXPECT_EQ(height(editing.result()->samples), 0.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/sanitized.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -202,4 +202,4 @@ TEST(Endurance, drag_events_take_no_more_memory_in_the_end_than_after_a_tenth)
     EXPECT_TRUE(replayed_scene(bar.folder / "scene.json") == editing.result()->samples);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

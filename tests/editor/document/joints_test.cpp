@@ -12,7 +12,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -261,4 +261,4 @@ TEST(Joints, a_joint_in_the_hand_poses_what_is_shown_and_is_solved_on_release)
         "Move foot");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "tests/editor/document/random_edits.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -169,4 +169,4 @@ TEST(JournalKill, loses_at_most_the_last_edit_at_any_moment)
                 in_an_edit);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

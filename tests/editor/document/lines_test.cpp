@@ -11,7 +11,7 @@
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -336,4 +336,4 @@ TEST(Lines, a_rod_is_drawn_along_the_middle_of_the_shape)
     EXPECT_EQ(rod->line->form, SplineStatement::Form::Through);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

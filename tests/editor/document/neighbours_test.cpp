@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -127,4 +127,4 @@ TEST(Neighbours, of_one_sample_or_none_are_none)
     neighbours_of(geometry);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "io/base/error.h"
 #include "library/session/session.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 BarDocument::BarDocument(int n)
@@ -181,4 +181,4 @@ void edit_at_random(Document& document, std::mt19937& rng)
     }
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -8,7 +8,7 @@
 #include "editor/document/document.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// A bar of 1 x 1 x 4 in a folder of its own.
@@ -36,4 +36,4 @@ std::vector<Eigen::Vector3d> replayed(const Document& document);
 /// One edit, or none, of a kind that the generator draws.
 void edit_at_random(Document& document, std::mt19937& rng);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

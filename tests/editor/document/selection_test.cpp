@@ -8,7 +8,7 @@
 
 #include "io/formats/geometry.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -135,4 +135,4 @@ TEST(Selection, connected_stops_at_a_gap)
     EXPECT_TRUE(connected(Selection(10), neighbours).empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

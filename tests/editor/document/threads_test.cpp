@@ -16,7 +16,7 @@
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -438,4 +438,4 @@ TEST(Threads, a_drag_whose_smaller_cells_fail_goes_on_in_its_own)
     EXPECT_TRUE(live.stop().has_value());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

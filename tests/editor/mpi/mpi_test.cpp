@@ -14,7 +14,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -142,4 +142,4 @@ TEST(Mpi, an_error_on_any_process_ends_all_of_them)
     EXPECT_EQ(support::num_files(spread.folder), 7u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

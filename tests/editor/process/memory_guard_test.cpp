@@ -12,7 +12,7 @@
 #include "io/base/bytes.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -94,4 +94,4 @@ TEST(MemoryGuardDeathTest, leaves_every_other_end_as_it_is)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -82,4 +82,4 @@ TEST(OutOfMemory, any_allocation_of_a_session_may_fail_and_is_told)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -386,4 +386,4 @@ TEST(Camera, a_view_of_no_size_and_numbers_that_are_none_do_no_harm)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "editor/tools/interaction.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// A bar of 3 x 1 x 1 along x in a view from the front, and a hand that works on it.
@@ -162,4 +162,4 @@ struct Desk
     double pixels_per_unit() const { return (pixel({1, 0, 0}) - pixel({0, 0, 0})).x(); }
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

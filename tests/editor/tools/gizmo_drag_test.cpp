@@ -11,7 +11,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -262,4 +262,4 @@ TEST(GizmoDrag, turns_about_one_axis_add_up_and_about_others_become_one)
     EXPECT_EQ(moved(turned, {0, 0, 0}, {1, 0, 0}, 0), turned);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

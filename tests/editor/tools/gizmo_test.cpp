@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -196,4 +196,4 @@ TEST(Gizmo, a_line_that_crosses_itself_leaves_out_what_it_goes_round_twice)
     EXPECT_FALSE(is_inside(corner, {-1, 5}));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 #include "tests/editor/tools/desk.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -69,4 +69,4 @@ TEST(InteractionJoints, a_joint_is_turned_by_a_key_and_a_number)
     EXPECT_LT((desk.place(1) - Vector3d(1.5, 0.5, 0.5)).norm(), 1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

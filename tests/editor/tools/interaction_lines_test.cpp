@@ -5,7 +5,7 @@
 #include "tests/editor/tools/desk.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -237,4 +237,4 @@ TEST(InteractionLines, the_gizmo_is_on_the_active_point)
         EXPECT_TRUE(part.kind != GizmoPart::Kind::Ring || part.axis == 3);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "tests/editor/tools/desk.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -236,4 +236,4 @@ TEST(InteractionPivot, one_of_an_earlier_stage_is_forgotten)
     EXPECT_LT((*desk.hand.pivot() - desk.region("handle").centre).norm(), 1e-12);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "tests/editor/tools/desk.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Desk;
@@ -688,4 +688,4 @@ TEST(Interaction, follows_a_document_that_others_change)
     EXPECT_FALSE(desk.hand.is_busy());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -82,4 +82,4 @@ TEST(Keys, the_page_of_keys_tells_of_every_group_and_of_the_buttons_in_use)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -64,4 +64,4 @@ TEST(Navigation, a_drag_upwards_goes_nearer_to_where_it_began)
     EXPECT_NE(camera.forward(), forward);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

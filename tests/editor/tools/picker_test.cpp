@@ -19,7 +19,7 @@
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::box_shape;
@@ -327,4 +327,4 @@ TEST(Picker, without_a_shape_finds_nothing_and_hides_nothing)
     EXPECT_EQ(picker.visible(samples, Camera()), (std::vector<std::uint8_t>{1, 1}));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -133,4 +133,4 @@ TEST(RegionDrag, of_a_pin_never_turns_and_takes_no_other_keys)
     EXPECT_FALSE(drag.key({Key::Tab, 0, false, {}}));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

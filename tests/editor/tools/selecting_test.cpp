@@ -12,7 +12,7 @@
 #include "tests/editor/tools/shown.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::box_shape;
@@ -196,4 +196,4 @@ TEST(SelectGesture, numbers_that_are_none_and_a_view_of_no_size_choose_nothing)
         EXPECT_TRUE(scene.choose({kind, true}, {{-9, -9}, {9, -9}, {9, 9}}).empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

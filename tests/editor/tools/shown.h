@@ -11,7 +11,7 @@
 #include "library/session/shape.h"
 #include "octree/material.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 /// A layout with its places in random order.
@@ -50,4 +50,4 @@ inline ShownShape shown(const Shape& shape, std::shared_ptr<const ShapeLayout> l
     return result;
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -66,4 +66,4 @@ TEST(TypedNumber, takes_no_letters_and_no_more_digits_than_count)
     EXPECT_EQ(number.value(), 799999999999999.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 std::string installed(const std::string& program)
@@ -58,4 +58,4 @@ Display::~Display()
     ::waitpid(server_, nullptr, 0);
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -6,7 +6,7 @@
 
 #include <sys/types.h>
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 class Display
@@ -29,4 +29,4 @@ private:
 /// The path of a program of this machine; empty: it is not installed.
 std::string installed(const std::string& program);
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

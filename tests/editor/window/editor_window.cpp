@@ -12,7 +12,7 @@
 
 #include "io/journal/journal.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 void pause(int milliseconds)
@@ -191,4 +191,4 @@ int RunningEditor::wait_for_end()
     return wait_for(std::exchange(process_, -1));
 }
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -11,7 +11,7 @@
 #include "tests/editor/window/display.h"
 #include "tests/support/program.h"
 
-namespace cellwarp::support
+namespace cellwarp::core::support
 {
 
 void pause(int milliseconds);
@@ -82,4 +82,4 @@ private:
     int process_ = -1;
 };
 
-} // namespace cellwarp::support
+} // namespace cellwarp::core::support

@@ -11,7 +11,7 @@
 #include "tests/support/scripts.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -153,4 +153,4 @@ TEST(Film, that_cannot_be_says_why_and_one_that_is_dropped_ends)
     EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(60));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "editor/window/panels.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -103,4 +103,4 @@ TEST(Layout, of_a_window_without_room_has_no_negative_sizes)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

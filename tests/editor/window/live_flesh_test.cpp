@@ -16,7 +16,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -266,4 +266,4 @@ TEST(LiveFlesh, that_cannot_be_says_why)
     EXPECT_EQ(live.newest(), nullptr);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "tests/editor/window/editor_window.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -171,4 +171,4 @@ TEST_F(PanelFocusWindow, the_panel_is_hidden_by_n_and_dragged_by_its_edge)
                  "fixed "));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Folder;
@@ -405,4 +405,4 @@ TEST(PlaybackReport, tells_medians_and_worst_and_null_of_what_was_not_measured)
     EXPECT_TRUE(support::contains(text, "\"solve_ms\": null")) << text;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

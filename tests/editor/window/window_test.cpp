@@ -17,7 +17,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -504,4 +504,4 @@ TEST_F(EditorWindow, has_its_shortcuts_on_every_layout_of_the_keyboard)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

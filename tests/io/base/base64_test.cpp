@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Base64, decodes_and_encodes_what_its_standard_gives)
@@ -39,4 +39,4 @@ TEST(Base64, a_patch_changes_the_characters_of_what_changed)
               "\xff\xfe\x01xy");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -444,4 +444,4 @@ TEST(Bytes, a_name_of_250_bytes_can_be_saved)
     EXPECT_EQ(support::bytes_of(path), "x");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

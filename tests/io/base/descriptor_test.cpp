@@ -13,7 +13,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -111,4 +111,4 @@ TEST(Descriptor, reads_and_writes_at_any_place_and_tells_of_failures)
     EXPECT_EQ(errno, EBADF);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

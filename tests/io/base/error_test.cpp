@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Error, holds_its_place_in_parts_and_makes_the_text_when_it_is_asked)
@@ -33,4 +33,4 @@ TEST(Error, leaves_out_of_the_text_what_is_not_known)
     EXPECT_EQ(warning, "a.json:4: cells: unknown key");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -217,4 +217,4 @@ TEST(FailingDisk, a_journal_that_cannot_be_removed_says_so)
         support::error_of(Fault::File, [&] { journal.remove(); }), "cannot remove"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

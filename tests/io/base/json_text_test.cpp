@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -47,4 +47,4 @@ TEST(JsonText, brackets_in_quotes_have_no_depth)
     EXPECT_EQ(json_depth("\"[[["), 0u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

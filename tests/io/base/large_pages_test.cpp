@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(LargePages, a_list_keeps_what_it_holds_and_has_room)
@@ -25,4 +25,4 @@ TEST(LargePages, a_list_keeps_what_it_holds_and_has_room)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Lzf, unpacks_literals_and_references)
@@ -71,4 +71,4 @@ TEST(Lzf, what_was_packed_before_makes_no_difference)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(NearestWord, is_the_one_that_differs_by_the_fewest_letters)
@@ -26,4 +26,4 @@ TEST(NearestWord, is_none_where_too_many_letters_differ)
     EXPECT_EQ(nearest_word("info", {}), "");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

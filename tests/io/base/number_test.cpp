@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Number, reads_what_the_formats_write)
@@ -107,4 +107,4 @@ TEST(Number, what_old_libraries_write_for_no_number_is_known)
         EXPECT_FALSE(parse_double(text)) << text;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

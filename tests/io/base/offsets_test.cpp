@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Offsets, are_what_was_put_in_on_both_sides_of_every_4_gb)
@@ -122,4 +122,4 @@ TEST(RecordPlaces, are_those_of_the_records_that_count)
     EXPECT_TRUE(columns.empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -17,7 +17,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -247,4 +247,4 @@ TEST(OutputSet, a_buffer_beside_a_gltf_does_not_appear_without_the_gltf)
     EXPECT_EQ(read_geometry(out).geometry.samples, moved.samples);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(RelativeName, a_name_leads_from_the_folder_of_the_file)
@@ -71,4 +71,4 @@ TEST(RelativeName, a_working_folder_that_has_gone_is_told)
     EXPECT_TRUE(support::contains(text, "cannot find its folder"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -324,4 +324,4 @@ TEST_F(AnimationFileTest, a_glb_of_a_glb_is_a_patch_but_of_a_skinned_one)
     EXPECT_FALSE(is_animation_format("obj", "obj", true));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

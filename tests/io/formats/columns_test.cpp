@@ -8,7 +8,7 @@
 #include "tests/support/parts.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -183,4 +183,4 @@ TEST(Columns, parts_of_a_file_give_what_the_whole_gives)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

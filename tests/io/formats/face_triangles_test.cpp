@@ -13,7 +13,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -479,4 +479,4 @@ TEST(FaceTriangles, of_faces_with_many_corners_take_no_square_of_their_number)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/base/error.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -205,4 +205,4 @@ TEST(FieldFile, claims_no_more_voxels_than_a_file_of_its_size_may)
                  "the grid is too large for a file of this size"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(GeometryOutput, tells_what_a_file_that_is_written_anew_leaves_out)
@@ -41,4 +41,4 @@ TEST(GeometryOutput, tells_what_a_file_that_is_written_anew_leaves_out)
     EXPECT_EQ(left_out("a.off", geometry, true), Names{});
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

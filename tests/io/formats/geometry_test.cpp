@@ -6,7 +6,7 @@
 #include "io/formats/geometry_file.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -22,4 +22,4 @@ TEST(Geometry, the_extension_alone_tells_the_format)
                      path + ": the extension is no known format (need obj, ply, stl"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

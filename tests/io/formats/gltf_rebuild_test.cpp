@@ -26,7 +26,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -969,4 +969,4 @@ TEST(GltfRebuild, a_stream_keeps_to_the_memory_that_it_is_given)
     EXPECT_TRUE(std::filesystem::exists(folder / "y.glb"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

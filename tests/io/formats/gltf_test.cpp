@@ -18,7 +18,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -756,4 +756,4 @@ TEST(Gltf, a_number_beyond_all_others_is_malformed)
         "a number that is out of range"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

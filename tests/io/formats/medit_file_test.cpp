@@ -7,7 +7,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -90,4 +90,4 @@ TEST(MeditFile, what_is_wrong_is_told_by_line_and_section)
         EXPECT_NE(message_of(kCube.substr(0, cut)), "") << cut;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

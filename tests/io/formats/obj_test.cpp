@@ -12,7 +12,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -379,4 +379,4 @@ TEST(Obj, many_uses_of_one_direction_join_the_first_that_is_near)
     EXPECT_LT(kept.size(), 2900u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include "io/formats/geometry_file.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -152,4 +152,4 @@ TEST(Off, refuses_what_does_not_add_up)
         contains(refused("OFF\n3 1 0\n" + body + "7\n"), "more than the counted"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

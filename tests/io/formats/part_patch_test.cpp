@@ -18,7 +18,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -416,4 +416,4 @@ TEST(PartPatch, a_comment_behind_a_number_stays_and_is_no_number)
               "OFF\n4 1 0\n1 2 3# 9\n2 2 3#\n1 3 3 #\n1 2 4\n3 0 1 2\n");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

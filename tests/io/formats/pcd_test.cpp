@@ -13,7 +13,7 @@
 #include "tests/support/parts.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -314,4 +314,4 @@ TEST(Pcd, a_file_that_is_cut_anywhere_is_refused)
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

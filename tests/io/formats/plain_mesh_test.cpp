@@ -5,7 +5,7 @@
 
 #include "io/formats/geometry_file.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -143,4 +143,4 @@ TEST(PlainMesh, normals_are_left_out_where_a_sample_has_none)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "tests/support/parts.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -208,4 +208,4 @@ TEST(Stl, parts_of_a_file_give_what_the_whole_gives)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

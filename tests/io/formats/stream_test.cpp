@@ -23,7 +23,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -847,4 +847,4 @@ TEST(Stream, without_a_folder_for_temporary_files_stdout_says_so)
     EXPECT_EQ(spill_folder(folder / "x.obj"), folder.path().string());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -131,4 +131,4 @@ TEST(WeightFile, what_is_wrong_is_told_with_its_line)
     error_of(Fault::File, [] { read_weights("/nowhere/w.txt"); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -20,7 +20,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -268,4 +268,4 @@ TEST(Import, what_the_system_refuses_is_told_and_no_fault_of_the_file)
     EXPECT_GE(errors, 12);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(NoImport, says_that_this_build_reads_no_such_file)
@@ -19,4 +19,4 @@ TEST(NoImport, says_that_this_build_reads_no_such_file)
     EXPECT_EQ(support::run({"info", folder.write("x.unheard", "x")}).code, 2);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

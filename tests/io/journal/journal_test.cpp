@@ -26,7 +26,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -587,4 +587,4 @@ TEST(Journal, removed_it_is_gone_and_takes_nothing_more)
     EXPECT_EQ(num_recovered(path), 3u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

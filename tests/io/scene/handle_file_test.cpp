@@ -6,7 +6,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -354,4 +354,4 @@ TEST(HandleFile, tells_which_file_of_the_survey_pair_is_wrong)
     EXPECT_TRUE(contains(refused("0\n1\n", one), "a.sel: no label is 2 (handle)"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "io/scene/scene_file.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -563,4 +563,4 @@ TEST(HandleText, joints_come_back_as_they_were)
     EXPECT_EQ(handle_text(again), text);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -362,4 +362,4 @@ TEST(RodScene, frames_are_whole_steps)
                  "simulate.duration: 0.009 s is less than half a step of 0.02 s"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

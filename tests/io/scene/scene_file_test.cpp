@@ -6,7 +6,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -184,4 +184,4 @@ TEST(SceneFile, a_key_that_is_there_twice_is_warned_of_with_its_line)
         EXPECT_FALSE(contains(warning, says)) << warning;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -737,4 +737,4 @@ TEST(SkeletonFile, other_files_are_a_usage_error)
     error_of(Fault::File, [] { read_skeleton("nowhere.bvh"); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

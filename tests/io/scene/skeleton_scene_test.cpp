@@ -9,7 +9,7 @@
 #include "io/scene/scene_file.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -267,4 +267,4 @@ TEST(SkeletonScene, a_scene_keeps_it_when_it_is_written)
     EXPECT_EQ(again.skeleton->joints, scene.skeleton->joints);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

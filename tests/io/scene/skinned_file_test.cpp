@@ -11,7 +11,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -110,4 +110,4 @@ TEST(SkinnedFile, numbers_beyond_single_precision_are_refused)
         "does not fit 32 bits"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -93,4 +93,4 @@ TEST(Axes, that_are_seen_end_on_or_are_tiny_are_left_out)
     EXPECT_EQ(image.rgb, white().rgb);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -72,4 +72,4 @@ TEST(Lettering, takes_utf_8_and_bytes_that_are_none)
     EXPECT_EQ(lettering.width("\x80"), lettering.width("?"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

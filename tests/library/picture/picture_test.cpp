@@ -16,7 +16,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -327,4 +327,4 @@ TEST(Figures, show_regions_in_colour_and_cells_where_they_are)
     EXPECT_EQ(figure.boxes.size(), session.system()->body().cells.size());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

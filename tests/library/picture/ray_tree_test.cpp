@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -84,4 +84,4 @@ TEST(RayTree, without_bodies_is_met_by_no_ray)
     EXPECT_FALSE(tree.is_blocked({0, 0, 5}, kDown, 0, 10));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/parallel.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -611,4 +611,4 @@ TEST(AdaptiveSession, fingers_of_a_hand_are_never_glued_to_each_other)
     EXPECT_LT(ring, 0.1 * middle);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 
 #include <sys/resource.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -251,4 +251,4 @@ TEST(Body, of_few_points_has_no_finer_cells_and_voxels_than_these_resolve)
     EXPECT_EQ(build_rest_shape(eight, eight.samples, settings)->across, 40);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "library/session/session.h"
 #include "tests/support/rest_model.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -269,4 +269,4 @@ TEST(BorderBending, makes_what_is_symmetric_a_symmetric_bulge)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

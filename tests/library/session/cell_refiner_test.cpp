@@ -11,7 +11,7 @@
 #include "tests/support/rest_model.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -598,4 +598,4 @@ TEST(CellRefiner, is_adaptive_only_with_a_threshold_and_a_depth)
     EXPECT_FALSE(refiner(bar(uniform)).is_adaptive());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

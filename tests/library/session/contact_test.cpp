@@ -17,7 +17,7 @@
 #include "octree/self_intersections.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -248,4 +248,4 @@ TEST(Contact, keeps_parts_of_a_flat_model_apart)
     EXPECT_GT(gap_of(true), -0.005);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

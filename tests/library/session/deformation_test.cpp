@@ -14,7 +14,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -221,4 +221,4 @@ TEST(Deformation, is_refused_where_its_material_does_not_fill_its_grid)
         support::contains(support::error_of(Fault::Malformed, use), "no material"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -167,4 +167,4 @@ TEST(Drag, a_frame_out_of_time_still_shows_where_the_hand_is)
             1e-6 * bar.body->rest->frame.diagonal());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -492,4 +492,4 @@ TEST(Checkpoints, count_all_that_they_hold_and_what_they_share_once)
     EXPECT_LT(kept.size(), 7u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -526,4 +526,4 @@ TEST(Flat, what_is_told_to_bend_in_space_is_no_stiffer_where_it_is_pressed)
         EXPECT_EQ(x.z(), 0.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

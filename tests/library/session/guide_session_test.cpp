@@ -10,7 +10,7 @@
 #include "tests/support/sessions.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -217,4 +217,4 @@ TEST(GuideSession, what_cannot_be_is_told)
     EXPECT_TRUE(contains(refused(kRail + "on tip rail at 1.5\n"), "need 0 to 1"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

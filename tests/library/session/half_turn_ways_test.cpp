@@ -13,7 +13,7 @@
 #include "tests/support/sessions.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -178,4 +178,4 @@ TEST(HalfTurnWays, threads_and_replay_do_not_change_a_bit)
     EXPECT_EQ(many.deformed().samples, single.deformed().samples);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -207,4 +207,4 @@ TEST(WorkFrame, a_given_frame_must_be_a_rotation)
     error_of(Fault::Malformed, [&] { given_frame(box, "s"); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 
 #include "library/session/memory_limit.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -142,4 +142,4 @@ TEST(LargeHeap, serves_many_threads)
     EXPECT_EQ(heap->in_use(), 0u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "library/session/spline_holds.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -113,4 +113,4 @@ TEST(LedRod, bends_evenly_to_a_ring)
     EXPECT_EQ(parts_between(*rod, *rod->rest(), *ring, 1e9), 8);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

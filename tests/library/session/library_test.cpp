@@ -7,7 +7,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -34,4 +34,4 @@ TEST(Library, a_program_of_ten_lines_bends_as_the_command_line_does)
     EXPECT_TRUE(contains(missing.err, "none.obj")) << missing.err;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_number;
@@ -219,4 +219,4 @@ TEST(LineBending, the_shortest_turn_to_the_opposite_goes_about_what_is_told)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

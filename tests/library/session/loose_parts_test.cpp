@@ -17,7 +17,7 @@
 #include "tests/support/sessions.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::box_shape;
@@ -431,4 +431,4 @@ TEST(LooseParts, of_clouds_follow_as_well)
                   1e-3);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -195,4 +195,4 @@ TEST(MemoryLimit, survives_files_that_are_not_what_they_should_be)
     EXPECT_DOUBLE_EQ(system.limit(), 700.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "tests/support/sanitized.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -37,4 +37,4 @@ TEST(PeakMemory, is_of_what_comes_after_its_start)
     EXPECT_LT(PeakMemory().mb(), peak - 50.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

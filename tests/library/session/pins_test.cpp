@@ -15,7 +15,7 @@
 #include "io/formats/geometry_file.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -109,4 +109,4 @@ TEST(Pins, that_move_with_a_handle_take_all_along)
                  motion);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -304,4 +304,4 @@ TEST(PlayedFrames, places_out_of_reach_and_cut_turns_are_warnings)
     EXPECT_TRUE(contains(values.warnings[1], "a.handles:4: hand: frame 2: ends"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

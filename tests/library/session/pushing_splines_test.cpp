@@ -19,7 +19,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -412,4 +412,4 @@ TEST(PushingSplines, no_pin_stays_on_a_rod_that_pushes_back)
     EXPECT_TRUE(contains(said, "spine pushes back")) << said;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

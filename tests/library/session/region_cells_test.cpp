@@ -9,7 +9,7 @@
 #include "octree/base/index.h"
 #include "tests/support/rest_model.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -153,4 +153,4 @@ TEST(RegionCells, a_bar_pulled_by_regions_that_end_inside_cells_stretches_evenly
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "tests/support/rest_model.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -304,4 +304,4 @@ TEST(RegionSet, a_region_that_selects_nothing_is_told_how_far_it_missed)
         "is 1.5 away"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "octree/base/index.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -282,4 +282,4 @@ TEST(RetargetedMotion, a_map_counts_before_what_is_found)
         "'Wing' is no joint of 'walk.bvh'"));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

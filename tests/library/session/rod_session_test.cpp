@@ -15,7 +15,7 @@
 #include "tests/support/sessions.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -577,4 +577,4 @@ TEST(RodSession, a_flat_model_with_a_curve_bends_in_space)
     EXPECT_FALSE(session.system()->rest().is_flat());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

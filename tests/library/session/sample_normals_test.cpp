@@ -9,7 +9,7 @@
 #include "io/formats/geometry_file.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -93,4 +93,4 @@ TEST(SampleNormals, are_for_surfaces_without_sharp_edges)
     EXPECT_FALSE(normals_of_smooth(square));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -22,7 +22,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -1477,4 +1477,4 @@ TEST(Session, splits_what_is_stretched_a_thousandfold_no_further_than_it_pays)
     EXPECT_LT(session.system()->body().cells.size(), 3000u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(ShapeLayout, the_coarse_mesh_of_a_closed_one_has_no_holes)
@@ -40,4 +40,4 @@ TEST(ShapeLayout, the_coarse_mesh_of_a_closed_one_has_no_holes)
     EXPECT_EQ(open, 0u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

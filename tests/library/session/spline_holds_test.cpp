@@ -9,7 +9,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -121,4 +121,4 @@ TEST(SplineHolds, a_way_goes_along_the_bend_and_ends_where_it_is_told)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "io/formats/geometry_file.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -185,4 +185,4 @@ TEST(Stiffness, of_a_solid_cantilever_is_that_of_a_beam)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -19,7 +19,7 @@
 #include "tests/support/counted_stop.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -333,4 +333,4 @@ TEST(Stopping, time_that_runs_out_while_smaller_cells_are_made_ends_the_frame)
     EXPECT_LE(late.frames().front().handle_residual, 1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "io/formats/geometry_file.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -444,4 +444,4 @@ TEST(Symmetry, a_triangle_that_buckles_is_scaled_with_its_scene)
         EXPECT_LT((three[i] / 3.0 - one[i]).norm(), 1e-7) << i;
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

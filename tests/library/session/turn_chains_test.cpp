@@ -11,7 +11,7 @@
 #include "library/session/session.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -163,4 +163,4 @@ TEST(TurnChains, goes_on_from_frame_to_frame_and_back)
     EXPECT_LT(back.session.system()->energy(), 1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -141,4 +141,4 @@ TEST(Worker, wakes_for_a_request_for_the_end_and_for_a_point_in_time)
     EXPECT_LE(woken, 3); // the end may come before it waits again
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

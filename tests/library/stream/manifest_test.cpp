@@ -13,7 +13,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::bytes_of;
@@ -111,4 +111,4 @@ TEST(Manifest, writes_into_nothing_that_is_no_manifest)
     refused("Is a directory");
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

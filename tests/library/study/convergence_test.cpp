@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -145,4 +145,4 @@ TEST(Convergence, the_fall_to_the_references_own_cells_is_not_interpolated)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

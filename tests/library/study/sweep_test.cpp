@@ -13,7 +13,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -451,4 +451,4 @@ TEST(Sweep, a_sessions_samples_by_its_own_field_are_its_samples)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "tests/support/sessions.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -178,4 +178,4 @@ TEST(CarriedModel, needs_a_rod_that_passes_through_it)
                          "spine: "));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -647,4 +647,4 @@ TEST(FleshDetail, regions_that_a_change_does_not_touch_keep_their_factor)
     EXPECT_EQ(frame.factors, 1);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -16,7 +16,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -1063,4 +1063,4 @@ TEST(FleshSimulation, the_unit_scales_the_model_and_gravity_acts_in_metres)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

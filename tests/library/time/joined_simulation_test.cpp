@@ -11,7 +11,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -263,4 +263,4 @@ TEST(JoinedSimulation, what_joints_cannot_hold_is_refused_by_its_key)
                  Error);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

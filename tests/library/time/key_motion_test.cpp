@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -64,4 +64,4 @@ TEST(KeyMotion, other_turns_go_the_shortest_way)
     EXPECT_GT(x.x(), 0.5);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

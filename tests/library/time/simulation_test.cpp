@@ -15,7 +15,7 @@
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::contains;
@@ -1656,4 +1656,4 @@ TEST(Simulation, a_place_whose_bend_is_held_stays_as_curved_as_it_was)
     EXPECT_LT(held, 0.2 * free);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

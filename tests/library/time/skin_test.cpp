@@ -7,7 +7,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -91,4 +91,4 @@ TEST(Skin, is_one_where_it_comes_near_itself_and_closed_wherever)
         std::invalid_argument);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

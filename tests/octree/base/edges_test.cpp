@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Edges, come_once_each_ascending_with_all_that_pass_them)
@@ -52,4 +52,4 @@ TEST(Edges, of_nothing_are_none)
         0, [](const auto&) {}, [](const Edge&) { FAIL(); });
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

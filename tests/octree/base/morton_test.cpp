@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Morton, takes_the_bits_of_the_axes_in_turns)
@@ -25,4 +25,4 @@ TEST(Morton, takes_the_bits_of_the_axes_in_turns)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

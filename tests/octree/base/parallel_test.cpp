@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Parallel, sorting_gives_what_one_thread_would)
@@ -35,4 +35,4 @@ TEST(Parallel, sorting_gives_what_one_thread_would)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -81,4 +81,4 @@ TEST(PointTree, gives_all_where_there_are_fewer)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_rotation;
@@ -137,4 +137,4 @@ TEST(RigidFit, about_an_axis_keeps_the_plane_even_of_a_mirror_image)
     EXPECT_LT((found.R - turn.R).norm() + (found.t - turn.t).norm(), 1e-12);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

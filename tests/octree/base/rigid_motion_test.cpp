@@ -11,7 +11,7 @@
 #include "octree/base/half_turn.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_number;
@@ -159,4 +159,4 @@ TEST(RigidMotion, half_turns_go_one_way_whatever_their_rounding)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -13,7 +13,7 @@
 #include "octree/base/parallel.h"
 #include "tests/support/counted_stop.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(StopScope, a_loop_on_all_threads_ends_when_another_thread_asks)
@@ -159,4 +159,4 @@ TEST(StopScope, threads_stop_independently)
     EXPECT_FALSE(was_asked);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "tests/support/pot.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(NoWrap, is_empty_around_all_points)
@@ -13,4 +13,4 @@ TEST(NoWrap, is_empty_around_all_points)
     EXPECT_TRUE(alpha_wrap(support::pot().samples, 0.2, 0.03).triangles.empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

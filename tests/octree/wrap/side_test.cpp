@@ -10,7 +10,7 @@
 #include "octree/winding.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -99,4 +99,4 @@ TEST(Side, no_column_beside_a_vertex_leaks)
     EXPECT_EQ(holes, 0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

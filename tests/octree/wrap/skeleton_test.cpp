@@ -12,7 +12,7 @@
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(SkeletonProgram, without_memory_tells_so_and_writes_nothing)
@@ -45,4 +45,4 @@ TEST(SkeletonProgram, without_memory_tells_so_and_writes_nothing)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

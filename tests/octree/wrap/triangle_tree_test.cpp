@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(TriangleTree, finds_what_a_cube_meets_and_nothing_far_away)
@@ -61,4 +61,4 @@ TEST(TriangleTree, finds_what_a_cube_meets_and_nothing_far_away)
     EXPECT_GT(met, 50u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "tests/support/pot.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -72,4 +72,4 @@ TEST(AlphaWrap, of_no_points_is_empty)
     EXPECT_TRUE(alpha_wrap(std::vector<Eigen::Vector3d>(), 0.2, 0.03).triangles.empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

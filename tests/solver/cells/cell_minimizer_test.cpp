@@ -11,7 +11,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -397,4 +397,4 @@ TEST(Constraints, a_component_that_nothing_holds_is_idle)
     EXPECT_EQ(constraints.back().hold, Hold::Idle);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -118,4 +118,4 @@ TEST(Clusters, do_not_cross_a_gap_and_leave_out_what_they_must)
         EXPECT_EQ(clusters.of_cell(static_cast<int>(cell)).empty(), is_left_out[cell]);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

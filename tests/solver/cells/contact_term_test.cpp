@@ -10,7 +10,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::HeldBody;
@@ -175,4 +175,4 @@ TEST(ContactTerm, of_a_group_is_its_leaders)
     support::check_blocks(energy, kGaussNewton);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

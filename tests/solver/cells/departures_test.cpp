@@ -14,7 +14,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_pose;
@@ -155,4 +155,4 @@ TEST(Departures, the_papers_field_goes_through_the_centres_and_nothing_else)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -118,4 +118,4 @@ TEST(GlueBlock, is_not_found_in_others)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

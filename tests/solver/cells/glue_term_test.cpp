@@ -14,7 +14,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::HeldBody;
@@ -596,4 +596,4 @@ TEST(GlueTerm, threads_do_not_change_a_bit)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_pose;
@@ -447,4 +447,4 @@ TEST(Glue, energy_of_a_stretched_bar_converges_to_the_continuum)
     EXPECT_NEAR(last, 1.0, 0.05);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

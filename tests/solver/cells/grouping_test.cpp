@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -52,4 +52,4 @@ TEST(Grouping, follows_the_lattice_of_the_octree_where_it_overhangs_the_box)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::HeldBody;
@@ -260,4 +260,4 @@ TEST(InitialGuess, newton_then_takes_as_many_iterations_for_many_cells_as_for_fe
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::box_shape;
@@ -64,8 +64,8 @@ struct Block
     std::vector<Pose> handed_on(const Cut& from, const std::vector<Pose>& poses,
                                 const std::vector<LocalMap>& maps, const Cut& to) const
     {
-        return cellwarp::handed_on(material.grid, from.pieces, from.cells, poses, maps,
-                                   to.octree, to.pieces, to.cells);
+        return cellwarp::core::handed_on(material.grid, from.pieces, from.cells, poses,
+                                         maps, to.octree, to.pieces, to.cells);
     }
 };
 
@@ -470,4 +470,4 @@ TEST(Refinement, pieces_of_one_box_keep_their_own_motions)
     expect_handed_on(finer, coarse);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::HeldBody;
@@ -584,4 +584,4 @@ TEST(RigidMultigrid, threads_do_not_change_a_bit)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::HeldBody;
@@ -239,4 +239,4 @@ TEST(RigidRows, of_groups_in_a_plane_are_those_of_cells_there)
     EXPECT_NEAR(energy, of_cells.dot(of.dense() * of_cells), 1e-12 * energy);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -68,4 +68,4 @@ TEST(WideBlocks, of_vectors_add_and_scale_as_these_do)
     EXPECT_LT((crossed.numbers().head<3>() - left.cross(right)).norm(), 2e-6);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(BallGrid, finds_every_pair_once)
@@ -41,4 +41,4 @@ TEST(BallGrid, finds_every_pair_once)
     EXPECT_TRUE(grid.pairs({}, {}, 1.0).empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

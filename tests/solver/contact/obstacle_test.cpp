@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -123,4 +123,4 @@ TEST(Obstacle, a_mesh_has_one_place_a_side_however_many_triangles_it_has)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/rods/rod_stepper.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -363,4 +363,4 @@ TEST(RodContacts, balls_stand_half_a_radius_apart_and_do_not_flicker)
     EXPECT_GE(scene.contacts.num_balls(), 130);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::HeldBody;
@@ -316,4 +316,4 @@ TEST(RodCoupling, a_step_that_turns_a_rod_too_far_counts_as_one_that_costs_too_m
     EXPECT_TRUE(std::isfinite(scene.total().value()));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "solver/dynamics/rigid_body.h"
 #include "solver/dynamics/spring_net.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -238,4 +238,4 @@ TEST(Articulation, a_distance_is_kept_while_both_turn_about_each_other)
         1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -126,4 +126,4 @@ TEST(DistanceSprings, a_damped_step_begins_with_the_forces_of_one_that_is_not)
     EXPECT_LT((here - there).norm(), 1e-12);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

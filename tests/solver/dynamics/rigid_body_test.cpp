@@ -10,7 +10,7 @@
 
 #include "solver/dynamics/implicit_stepper.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -174,4 +174,4 @@ TEST(RigidBody, on_a_hinge_swings_with_the_period_of_its_inertia)
     EXPECT_NEAR(crossed, quarter, 2e-3 * quarter);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

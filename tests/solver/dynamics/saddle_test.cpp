@@ -5,7 +5,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -119,4 +119,4 @@ TEST(Saddle, rows_that_say_the_same_twice_are_dropped)
     EXPECT_NEAR(r[8], 0.0, 1e-13);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "solver/dynamics/implicit_stepper.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -144,4 +144,4 @@ TEST(SpringNet, damped_springs_take_the_energy_of_their_swing_and_none_of_a_turn
                 energy_after(0.0, {0, 1e-3, 0}, time), 1e-5);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 #include "octree/base/index.h"
 #include "tests/support/bodies.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -213,4 +213,4 @@ TEST(ClosestCells, the_other_finger_of_a_leaf_counts_less_and_less)
     EXPECT_EQ(weight_at(2.46), 0.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -6,7 +6,7 @@
 #include "solver/field/field.h"
 #include "tests/support/held_cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -65,4 +65,4 @@ TEST(CentreChoice, leaves_out_what_different_motions_share_wherever_it_is_moved)
     EXPECT_EQ(num_centres(bar, poses, constraints), of_one_motion - 5u);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "octree/base/index.h"
 #include "tests/support/bodies.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -353,4 +353,4 @@ TEST(Continuity, through_every_leaf)
             }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

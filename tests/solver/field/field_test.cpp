@@ -12,7 +12,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/counted_stop.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -1039,4 +1039,4 @@ TEST(RbfField, what_rounding_leaves_of_a_term_does_not_count)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_number;
@@ -138,4 +138,4 @@ TEST(GlueNetwork, resistances_of_very_different_sizes_keep_their_digits)
     EXPECT_NEAR(network.slopes()[1], 0.0, 1e-30);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "solver/field/blend.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -202,4 +202,4 @@ TEST(InfluenceKernel, ranks_are_how_many_numbers_are_less)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -121,4 +121,4 @@ TEST(LocalRbf, gives_way_to_the_blend_where_a_notch_opens)
         EXPECT_NE(membership.cluster, LocalRbf::kBlended);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -7,7 +7,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_vector;
@@ -67,4 +67,4 @@ TEST(NodeTable, takes_zeros_of_either_sign_for_one)
     EXPECT_EQ(table.region_at(Eigen::Vector3d(-0.0, 1.0, 2.0), 3), 0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

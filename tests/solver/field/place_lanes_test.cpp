@@ -5,7 +5,7 @@
 
 #include "tests/support/bodies.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -92,4 +92,4 @@ TEST(PlaceInfluences, have_the_bits_of_those_of_each_place_where_ways_are_narrow
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -192,4 +192,4 @@ TEST(RbfKernel, what_is_not_positive_definite_has_no_factor)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

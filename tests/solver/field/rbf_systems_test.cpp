@@ -11,7 +11,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_vector;
@@ -212,4 +212,4 @@ TEST(RbfSystems, for_which_there_is_no_room_change_no_bit_of_a_fit)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

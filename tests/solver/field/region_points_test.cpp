@@ -9,7 +9,7 @@
 #include "octree/base/index.h"
 #include "tests/support/held_cells.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -169,4 +169,4 @@ TEST(RegionPoints, are_left_out_close_to_the_anchor)
     EXPECT_TRUE(points_from(points, bar, foot, {0.5, 0.5, 1}).empty());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

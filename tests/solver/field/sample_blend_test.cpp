@@ -13,7 +13,7 @@
 #include "tests/support/allocations.h"
 #include "tests/support/bodies.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::Built;
@@ -427,4 +427,4 @@ TEST(SampleBlend, a_frame_allocates_nothing)
     EXPECT_GT(support::num_allocations(), before);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

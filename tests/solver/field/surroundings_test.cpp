@@ -8,7 +8,7 @@
 #include "octree/base/parallel.h"
 #include "tests/support/bodies.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -99,4 +99,4 @@ TEST(KeptSurroundings, are_the_same_for_all_threads)
     EXPECT_EQ(num_others, 0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -8,7 +8,7 @@
 
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::random_vector;
@@ -111,4 +111,4 @@ TEST(Turning, maps_that_flatten_or_mirror_give_a_rotation)
               Eigen::Vector3d(1, 2, 3));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/flesh/flesh.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -267,4 +267,4 @@ TEST(BlendedRegions, contact_and_pulled_points_are_met)
               1e-10);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

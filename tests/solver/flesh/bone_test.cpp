@@ -7,7 +7,7 @@
 #include "solver/flesh/bone_tube.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -123,4 +123,4 @@ TEST(BoneTube, of_several_bones_the_nearest_has_a_voxel)
     EXPECT_NEAR(overlap, volume[0] + volume[1], 1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

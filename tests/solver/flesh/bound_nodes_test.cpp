@@ -11,7 +11,7 @@
 #include "solver/flesh/bone_points.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -204,4 +204,4 @@ TEST(BoundNodes, equations_that_others_tell_are_dropped)
     EXPECT_EQ(bind_nodes(lattice.hanging, points).dropped, (std::vector<int>{2, 3}));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

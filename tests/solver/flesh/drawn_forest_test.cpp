@@ -12,7 +12,7 @@
 #include "solver/flesh/leaving_nodes.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -414,4 +414,4 @@ TEST(DrawnForest, places_of_cells_lie_in_their_leaves)
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -11,7 +11,7 @@
 #include "solver/flesh/flesh.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -281,4 +281,4 @@ TEST(FleshContact, steps_are_the_same_for_any_number_of_threads)
     EXPECT_EQ(ends[0], ends[1]);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

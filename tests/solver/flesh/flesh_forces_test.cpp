@@ -11,7 +11,7 @@
 #include "tests/support/bodies.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -271,4 +271,4 @@ TEST(FleshForces, frames_follow_cells_that_are_turned_inside_out)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

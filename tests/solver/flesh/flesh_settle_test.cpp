@@ -7,7 +7,7 @@
 
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -137,4 +137,4 @@ TEST(FleshSettle, damping_changes_nothing_of_where_rest_is)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

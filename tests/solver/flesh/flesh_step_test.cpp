@@ -8,7 +8,7 @@
 
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -148,4 +148,4 @@ TEST(FleshStep, blended_regions_are_refused)
     EXPECT_THROW(FleshStep{flesh}, std::invalid_argument);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

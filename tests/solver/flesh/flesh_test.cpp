@@ -11,7 +11,7 @@
 #include "octree/base/parallel.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -415,4 +415,4 @@ TEST(Flesh, damping_of_the_stiffness_lets_turning_flesh_turn)
         EXPECT_NEAR(v, 1.0 / 1.1, 1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

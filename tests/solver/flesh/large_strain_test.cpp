@@ -7,7 +7,7 @@
 
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -204,4 +204,4 @@ TEST(LargeStrain, pressed_st_venant_kirchhoff_pushes_back_less_and_less)
     EXPECT_GT(push(StrainLaw::NeoHookean, 0.3), push(StrainLaw::NeoHookean, 0.5));
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "solver/flesh/drawn_cells.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -239,4 +239,4 @@ TEST(DrawnCells, cells_that_fold_into_themselves_are_refused)
                  std::invalid_argument);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

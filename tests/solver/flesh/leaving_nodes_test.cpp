@@ -9,7 +9,7 @@
 #include "octree/pieces.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -161,4 +161,4 @@ TEST(Fading, begins_with_its_speed_and_ends_at_rest)
         EXPECT_LT((rest.at(time) - fading.at(time)).norm(), 1e-8);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "solver/flesh/flesh_forces.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -97,4 +97,4 @@ TEST(LevelPreconditioner, gives_the_same_bits_for_any_number_of_threads)
     EXPECT_EQ(one, two);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -148,4 +148,4 @@ TEST(NodeRows, a_correction_moves_only_what_rows_see)
                  std::invalid_argument);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

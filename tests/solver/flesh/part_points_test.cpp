@@ -11,7 +11,7 @@
 
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -254,4 +254,4 @@ TEST(PartPoints, modes_let_no_warp_of_a_cut_cell_go_free)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "octree/base/parallel.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -277,4 +277,4 @@ TEST(SmoothMap, thread_count_changes_no_bit_and_no_places_are_no_values)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

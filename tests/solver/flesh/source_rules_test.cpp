@@ -10,7 +10,7 @@
 #include "solver/flesh/large_strain.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -243,4 +243,4 @@ TEST(SourceRules, two_points_along_an_axis_are_the_programs_rule_and_nearly_exac
     EXPECT_NEAR(half.of_four(1, 6, 3, 2), 2.0 * three.of_four(1, 6, 3, 2), 1e-15);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

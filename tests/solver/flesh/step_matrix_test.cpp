@@ -6,7 +6,7 @@
 #include "solver/flesh/bound_nodes.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using Eigen::Vector3d;
@@ -43,4 +43,4 @@ TEST(FleshStepMatrix, is_the_product_of_all_nodes_by_the_free_ones)
     EXPECT_LT((matrix.blocks().multiply(x) - wanted).norm(), 1e-12 * wanted.norm());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

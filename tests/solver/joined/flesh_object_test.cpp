@@ -10,7 +10,7 @@
 #include "solver/dynamics/spring_net.h"
 #include "tests/support/flesh.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -181,4 +181,4 @@ TEST(FleshObject, what_bones_hold_is_held_in_joints_too)
     EXPECT_LT((net.point(0) - shift.t).norm(), 1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

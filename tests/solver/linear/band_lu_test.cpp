@@ -7,7 +7,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(BandLu, solves_what_dense_elimination_solves)
@@ -55,4 +55,4 @@ TEST(BandLu, says_that_a_matrix_is_singular)
     EXPECT_FALSE(twice.factorize());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

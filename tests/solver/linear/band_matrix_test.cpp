@@ -6,7 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -69,4 +69,4 @@ TEST(BandMatrix, what_is_not_finite_is_told)
     EXPECT_FALSE(factor.factorize(A).is_finite);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -18,7 +18,7 @@
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -161,4 +161,4 @@ TEST(SparseCholesky, dense_kernels_start_no_threads_again_once_theirs_are_ended)
     EXPECT_EQ(num_threads_of_process(), num_threads);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

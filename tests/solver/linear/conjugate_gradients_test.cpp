@@ -12,7 +12,7 @@
 #include "tests/support/energy_checks.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::DensePreconditioner;
@@ -346,4 +346,4 @@ TEST(ConjugateGradients, a_deadline_leaves_the_first_step)
     EXPECT_GT(s.x.dot(s.b), 0.0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -15,7 +15,7 @@
 #include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::HeldBody;
@@ -264,4 +264,4 @@ TEST(Energy, needs_states_that_follow_each_other)
     EXPECT_EQ(Energy({&first, &next}, {}).num_unknowns(), 2 * first.end().unknown);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

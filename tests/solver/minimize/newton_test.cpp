@@ -15,7 +15,7 @@
 #include "tests/support/energy_checks.h"
 #include "tests/support/shapes.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 using support::DenseEnergy;
@@ -600,4 +600,4 @@ TEST(Newton, serves_many_solves)
     EXPECT_EQ(chain.x(), first);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 namespace
 {
 
-using namespace cellwarp;
+using namespace cellwarp::core;
 
 /// Eight bent spans with two places of stretch each.
 template <int M>

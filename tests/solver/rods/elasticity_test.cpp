@@ -9,7 +9,7 @@
 
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -240,4 +240,4 @@ TEST(Elasticity, of_turns_put_into_a_ring_is_that_of_even_twist)
     EXPECT_NEAR(term->value(state), 2.0 * std::numbers::pi * turns * turns / R, 1e-3);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

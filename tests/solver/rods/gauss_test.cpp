@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Gauss, integrates_polynomials_up_to_its_degree_and_no_further)
@@ -24,4 +24,4 @@ TEST(Gauss, integrates_polynomials_up_to_its_degree_and_no_further)
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

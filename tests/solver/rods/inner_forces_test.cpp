@@ -11,7 +11,7 @@
 #include "solver/rods/rod_newton.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(InnerForces, of_a_rod_that_is_loaded_at_its_end_are_in_balance_with_that)
@@ -88,4 +88,4 @@ TEST(InnerForces, of_a_ring_do_not_know_where_its_seam_is)
         }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

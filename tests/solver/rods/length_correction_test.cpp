@@ -9,7 +9,7 @@
 #include "solver/rods/elasticity.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(LengthCorrection, takes_back_what_a_step_stretches_and_keeps_what_holds_the_rod)
@@ -51,4 +51,4 @@ TEST(LengthCorrection, takes_back_what_a_step_stretches_and_keeps_what_holds_the
     EXPECT_NEAR(of_one / of_half, 4.0, 0.05);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

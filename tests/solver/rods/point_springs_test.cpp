@@ -10,7 +10,7 @@
 #include "solver/rods/rod_stepper.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(PointSprings, derivatives_are_those_of_differences)
@@ -126,4 +126,4 @@ TEST(PointSprings, a_strong_drag_lowers_the_largest_explicit_step)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -229,4 +229,4 @@ TEST(RodConstraint, rates_are_the_derivatives_by_time_of_constraints_that_move)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

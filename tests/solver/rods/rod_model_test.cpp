@@ -10,7 +10,7 @@
 #include "solver/rods/rod_newton.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -153,4 +153,4 @@ TEST(RodModel, hangs_as_a_catenary_without_stiffness)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -157,4 +157,4 @@ TEST(RodNewton, meets_contradictory_holds_by_least_squares)
     EXPECT_NEAR(report.violation, 0.2 / 3.0, 1e-9);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

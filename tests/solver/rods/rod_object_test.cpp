@@ -11,7 +11,7 @@
 #include "solver/rods/elasticity.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -259,4 +259,4 @@ TEST(RodObject, a_body_on_two_ropes_hangs_where_weights_balance)
     EXPECT_NEAR(body.state.R(0, 0), 1.0, 1e-8);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "solver/rods/tensor_stretch.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -473,4 +473,4 @@ TEST(RodRefinement, finds_where_a_rod_breaks)
     EXPECT_NEAR(*place, moving.rod.arc_length().parameter(0.5), 0.11);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -14,7 +14,7 @@
 #include "solver/rods/point_springs.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -473,4 +473,4 @@ TEST(RodMass, is_the_mass_of_the_rod_and_its_inverse_undoes_it)
     EXPECT_LT((y - 2.0 * mass.times(v)).norm(), 1e-12 * y.norm());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/rods/rod_stepper.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -292,4 +292,4 @@ TEST(Slide, is_refused_by_rules_that_do_not_know_it)
     EXPECT_THROW(explicitly.step(rope.state, rope.velocity, 1e-4), std::invalid_argument);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -12,7 +12,7 @@
 #include "solver/dynamics/implicit_stepper.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -243,4 +243,4 @@ TEST(SplineSheet, slides_over_a_point_until_an_edge_comes)
     EXPECT_THROW(solid.slide_over({0, 0, 0}), std::invalid_argument);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

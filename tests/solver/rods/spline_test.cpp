@@ -9,7 +9,7 @@
 #include "octree/base/index.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -300,4 +300,4 @@ TEST(Transport, keeps_lengths_and_turns_no_more_than_needed)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

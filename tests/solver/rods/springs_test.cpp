@@ -9,7 +9,7 @@
 #include "solver/rods/rod_newton.h"
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(Springs, derivatives_are_those_of_differences)
@@ -120,4 +120,4 @@ TEST(Springs, say_what_they_cannot_do)
     EXPECT_THROW(spring_elasticity(narrow), std::invalid_argument);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

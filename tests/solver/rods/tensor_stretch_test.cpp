@@ -7,7 +7,7 @@
 
 #include "tests/support/rods.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 TEST(PackedTensor, has_a_place_for_every_quadruple_and_no_more)
@@ -85,4 +85,4 @@ TEST(TensorStretch, follows_a_section_that_varies)
     EXPECT_NEAR(tensor_stretch(rod)->value(state), 0.5 * 1.5 * 1.5 * 1.5, 1e-12);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "octree/base/index.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -233,4 +233,4 @@ TEST(JointKeys, signs_lead_from_key_to_key)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -9,7 +9,7 @@
 
 #include "solver/skeleton/joint_keys.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -149,4 +149,4 @@ TEST(JointLimits, half_a_turn_across_the_axis_has_no_twist)
     }
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "solver/skeleton/joint_keys.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -225,4 +225,4 @@ TEST(Reach, the_same_question_has_the_same_answer_to_the_bit)
         EXPECT_EQ(a.turns[j].coeffs(), b.turns[j].coeffs());
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core

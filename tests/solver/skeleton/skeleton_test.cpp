@@ -10,7 +10,7 @@
 #include "octree/base/index.h"
 #include "solver/skeleton/joint_keys.h"
 
-namespace cellwarp
+namespace cellwarp::core
 {
 
 namespace
@@ -168,4 +168,4 @@ TEST(Skeleton, limits_are_kept_and_counted)
     EXPECT_EQ(skeleton.limit(pose), 0);
 }
 
-} // namespace cellwarp
+} // namespace cellwarp::core
