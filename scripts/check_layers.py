@@ -91,7 +91,7 @@ LIBRARIES = {
     "lzf.h": {"io/base/lzf.cpp"},
     "draco/": {"io/formats/draco_mesh.cpp", "tests"},
     "meshoptimizer.h": {"io/formats/meshopt_view.cpp", "tests"},
-    "nlohmann/": {"io/scene/json_object.h", "io/scene/scene_file.cpp", "io/formats/gltf_json.h", "io/formats/gltf_rebuild.cpp", "io/formats/animation_file.cpp", "io/scene/skinned_file.cpp", "editor/cli", "editor/document/edit_text.cpp",
+    "nlohmann/": {"io/scene/json_object.h", "io/scene/scene_file.cpp", "io/formats/gltf_json.h", "io/formats/gltf_rebuild.cpp", "io/formats/animation_file.cpp", "io/scene/skinned_file.cpp", "library/session/json.h", "editor/cli", "editor/document/edit_text.cpp",
                   "editor/document/json_statements.h",
                   "editor/window", "tests"},
     "gtest/": {"tests"},
@@ -104,11 +104,8 @@ LIBRARIES = {
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
-OPTIONAL = {"solver/flesh": {"library/time", "editor/cli/flesh_in_time.cpp", "solver/joined"},
+OPTIONAL = {"solver/flesh": {"library/time", "solver/joined"},
             "solver/joined": {"library/time"},
-            "library/time": {"editor/cli/flesh_in_time.cpp", "editor/cli/rods_in_time.cpp",
-                             "editor/cli/joined_in_time.cpp", "editor/window/flesh_film.cpp",
-                             "editor/window/rods_film.cpp", "editor/window/joined_film.cpp"},
             "solver/rods": {"library/session/spline_handle.cpp", "library/time",
                             "solver/contact", "solver/coupled"},
             "solver/skeleton": {"library/session/skeleton_handle.cpp", "library/time"},

@@ -6,14 +6,14 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
-#include "editor/cli/in_time.h"
 #include "editor/cli/rods_json.h"
-#include "editor/cli/session_json.h"
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
 #include "io/scene/scene_file.h"
 #include "io/scene/time_settings.h"
 #include "library/session/body.h"
+#include "library/session/session_json.h"
+#include "library/time/in_time.h"
 #include "octree/self_intersections.h"
 
 namespace cellwarp::core
@@ -69,7 +69,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     if (rods && rods->are_all)
         return check_rods(flags, *rods, common);
     const bool has_flesh = cellwarp::core::has_flesh(time_scene_of(flags.model));
-    SessionRequest request = read_request(flags, has_flesh);
+    SessionRequest request = read_request(flags, has_flesh ? ForTime::Yes : ForTime::No);
     const auto geometry = std::make_shared<const Geometry>(
         read_geometry(request.model, request.read).geometry);
     if (!request.handles)

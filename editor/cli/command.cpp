@@ -13,12 +13,8 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
-#include "io/scene/saved_pair.h"
 #include "library/session/memory_limit.h"
 #include "library/session/sample_normals.h"
-#include "library/session/scene_script.h"
-#include "library/session/scene_settings.h"
-#include "library/study/sweep.h"
 
 namespace cellwarp::core
 {
@@ -204,24 +200,8 @@ bool SessionFlags::has_session() const
            script.is_given();
 }
 
-SessionRequest read_request(const SessionFlags& flags, bool in_time)
+SessionRequest read_request(const SessionFlags& flags, ForTime for_time)
 {
-    SessionRequest request;
-    SceneFile scene;
-    const bool is_scene = extension_of(flags.model) == "json";
-    if (is_scene)
-    {
-        scene = read_scene(flags.model);
-        request.warnings = scene.warnings;
-        if (!in_time && scene.has_carriers)
-            throw malformed({scene.path, 0, "rods"},
-                            "carry the model in time: this is for cellwarp simulate");
-        if (!in_time)
-            request.warnings.insert(request.warnings.end(), scene.left_out.begin(),
-                                    scene.left_out.end());
-    }
-    request.model = is_scene ? scene.model : flags.model;
-    request.read.columns = flags.columns;
     if (flags.sel.empty() != flags.def.empty())
         throw Error(Fault::Usage, "--sel and --def go together");
     if (!flags.sel.empty() && !flags.handles.empty())
@@ -231,33 +211,27 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
                                   "--sel with --def, say: they exclude each other");
     if (flags.script.is_lost())
         throw Error(Fault::Usage, "--relative goes with --fix, --handle and --move");
-    if (flags.script.is_given() && scene.skeleton)
+    visit_settings(
+        [](const char*, const char* key, const auto& allowed, const auto& given)
+        {
+            if (given)
+                check_flag(flag_of(key), *given, allowed);
+        },
+        flags.settings);
+    SceneChanges changes;
+    changes.columns = flags.columns;
+    changes.handle_file = flags.handles;
+    changes.settings = flags.settings;
+    changes.is_preview = flags.is_preview;
+    changes.max_memory = memory_limit(flags.max_memory);
+    if (flags.script.is_given())
+        changes.script = flags.script.handles();
+    else if (!flags.sel.empty())
+        changes.script = read_survey_pair(flags.sel, flags.def);
+    SessionRequest request = request_of(flags.model, for_time, changes);
+    if (flags.script.is_given() && request.scene.skeleton)
         throw Error(Fault::Usage, "--fix, --handle and --move do not know the skeleton "
                                   "of a scene: write a handle file");
-    const std::string handles = flags.handles.empty() ? scene.handles : flags.handles;
-    if (flags.script.is_given())
-        request.handles = flags.script.handles();
-    else if (!flags.sel.empty())
-        request.handles = read_survey_pair(flags.sel, flags.def);
-    else
-        request.handles = script_of(scene, handles, request.warnings);
-    if (is_scene && request.handles && !flags.script.is_given() && !handles.empty() &&
-        handles == scene.handles)
-        if (const auto parted = parted_save(scene, *request.handles))
-            request.warnings.push_back(*parted);
-
-    // Flags win over the scene.
-    visit_settings(
-        [](const char*, const char* key, const auto& allowed, const auto& given,
-           auto& in_scene)
-        {
-            if (!given)
-                return;
-            check_flag(flag_of(key), *given, allowed);
-            in_scene = given;
-        },
-        flags.settings, scene.settings);
-    request.settings = settings_of(scene, flags.is_preview);
     SessionSettings& settings = request.settings;
     if (flags.max_iterations)
         settings.max_iterations =
@@ -265,8 +239,6 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
                                       std::int64_t(0), std::int64_t(1000000)));
     if (flags.time)
         settings.time_budget = in_range("--time", *flags.time, 0.0, 1e9);
-    settings.cells.max_memory = memory_limit(flags.max_memory);
-    check_memory_of_file(request.model, settings.cells.max_memory);
     const std::string solver = flags.solver.value_or("");
     if (solver == "newton")
         settings.method = Method::Newton;
@@ -280,7 +252,6 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
                              ", need newton, gauss-newton or gauss-newton-direct");
     if (flags.is_tight)
         settings.gradient_tolerance = 1e-10;
-    request.release = field_name(settings.field);
     return request;
 }
 

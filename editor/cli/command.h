@@ -10,22 +10,20 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 
 #include "editor/cli/flag_script.h"
 #include "io/base/bytes.h"
 #include "io/base/error.h"
 #include "io/formats/animation_file.h"
 #include "io/scene/scene_file.h"
+#include "library/session/json.h"
 #include "library/session/session.h"
+#include "library/session/session_request.h"
+#include "library/time/in_time.h"
 #include "octree/base/clock.h"
 
 namespace cellwarp::core
 {
-
-/// An object begins as Json::object(): a null that becomes one by its first key is not
-/// destroyed well where memory ends (nlohmann 3.11.2).
-using Json = nlohmann::ordered_json;
 
 /// Flags that every subcommand has.
 struct CommonFlags
@@ -62,6 +60,7 @@ void add_apply(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_info(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_check(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code);
+void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);
 /// Without an exit code: the editor's own takes its place.
 void add_edit(CLI::App& app, CommonFlags& common);
 /// The subcommands that this build has beyond those: editor/cli/features.cpp.
@@ -83,15 +82,6 @@ std::optional<Pictures> make_pictures();
 /// Exit code: some frame did not converge.
 inline constexpr int kNotConverged = 7;
 
-/// What is seen of a scene in time at one moment, in one unit.
-struct FilmFrame
-{
-    std::vector<Geometry> parts;
-    std::vector<PosedJoint> joints; ///< of a skeleton
-    /// Of a lattice: corner k at the upper end of axis a if bit a of k is set.
-    std::vector<std::array<Eigen::Vector3d, 8>> cells;
-};
-
 /// A scene in time.
 struct Film
 {
@@ -110,24 +100,8 @@ std::optional<Film> film_of(const std::string& input);
 AnimationFile::NormalsOf normals_to_write(const std::string& output,
                                           const Geometry& geometry);
 
-/// What a scene of rods in time holds, lists of its parts, and how long it goes on; null
-/// for others, and in a build without rods: editor/cli/features.cpp.
-Json scene_in_time(const std::string& scene);
-
-/// What a scene and flags together ask for.
-struct SessionRequest
-{
-    std::string model;
-    ReadOptions read;
-    std::optional<HandleFile> handles;
-    SessionSettings settings;
-    std::string release = "rbf"; ///< name of the release field as the scene spells it
-    std::vector<std::string> warnings;
-};
-
-/// Reads the scene (if the model is one) and the handle file. \p in_time: for rods that
-/// carry the model; others refuse such a scene. Throws Error.
-SessionRequest read_request(const SessionFlags& flags, bool in_time = false);
+/// Reads the scene (if the model is one) and the handle file; flags win. Throws Error.
+SessionRequest read_request(const SessionFlags& flags, ForTime for_time = ForTime::No);
 
 /// Adds --max-memory.
 void add_max_memory(CLI::App& app, std::optional<std::string>& max_memory);

@@ -10,7 +10,6 @@
 #include "editor/cli/command.h"
 #include "editor/cli/output_name.h"
 #include "editor/cli/rods_json.h"
-#include "editor/cli/session_json.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
@@ -20,7 +19,9 @@
 #include "library/session/body.h"
 #include "library/session/pass_through.h"
 #include "library/session/peak_memory.h"
+#include "library/session/session_json.h"
 #include "library/session/volume.h"
+#include "library/study/sweep.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
@@ -314,7 +315,7 @@ Json session_json(const Session& session, const SessionRequest& request)
     json["frames"] = Json::array();
     for (const FrameReport& report : session.frames())
         json["frames"].push_back(frame_json(report));
-    json["field"] = field_json(session, request.release);
+    json["field"] = field_json(session, field_name(request.settings.field));
     json["rods"] = rods_json(session.rods());
     json["skeleton"] = skeleton_json(session);
     return json;

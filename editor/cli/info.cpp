@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
-#include "editor/cli/session_json.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
@@ -18,6 +17,7 @@
 #include "library/session/deformation.h"
 #include "library/session/limbs.h"
 #include "library/session/scene_script.h"
+#include "library/session/session_json.h"
 #include "library/study/sweep.h"
 
 namespace cellwarp::core

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "editor/cli/in_time.h"
+#include "editor/cli/command.h"
 #include "editor/cli/output_name.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
@@ -15,6 +15,7 @@
 #include "io/formats/geometry_output.h"
 #include "io/formats/plain_mesh.h"
 #include "library/session/peak_memory.h"
+#include "library/time/in_time.h"
 #include "octree/base/clock.h"
 
 namespace cellwarp::core

@@ -33,7 +33,7 @@ struct SkeletonFlags
 };
 
 /// Between the dots.
-std::vector<std::string> parts_of(const std::string& name)
+std::vector<std::string> words_of_name(const std::string& name)
 {
     std::vector<std::string> out(1);
     for (const char c : name)
@@ -56,7 +56,8 @@ std::string joined_names(const std::vector<std::string>& names)
 /// parts between the dots are there in the same order, the first one first.
 bool is_named(const std::string& joint, const std::string& name)
 {
-    const std::vector<std::string> of_joint = parts_of(joint), of_name = parts_of(name);
+    const std::vector<std::string> of_joint = words_of_name(joint),
+                                   of_name = words_of_name(name);
     if (of_name.front() != of_joint.front())
         return false;
     std::size_t k = 0;

@@ -12,13 +12,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "editor/cli/in_time.h"
 #include "editor/cli/page.h"
 #include "editor/cli/plot.h"
 #include "io/base/error.h"
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
 #include "library/session/session.h"
+#include "library/time/in_time.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
@@ -102,9 +102,7 @@ void measure_cells(const Session& session, StabilityRow& row)
 /// Runs an edit to its end.
 Result play(const StabilityCase& of, StabilityRow& row)
 {
-    SessionFlags flags;
-    flags.model = of.path;
-    SessionRequest request = read_request(flags);
+    SessionRequest request = request_of(of.path, ForTime::No);
     request.settings.time_budget = kTime;
     Session session(geometry_of(std::make_shared<const GeometryFile>(
                         read_geometry(request.model, request.read))),

@@ -10,7 +10,6 @@
 #include <fmt/ranges.h>
 
 #include "editor/cli/command.h"
-#include "editor/cli/in_time.h"
 #include "editor/cli/machine.h"
 #include "editor/cli/stability.h"
 #include "editor/cli/sweep_page.h"
@@ -19,6 +18,7 @@
 #include "io/base/number.h"
 #include "io/base/text.h"
 #include "io/scene/time_settings.h"
+#include "library/time/in_time.h"
 
 namespace cellwarp::core
 {

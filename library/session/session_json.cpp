@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "editor/cli/session_json.h"
+#include "library/session/session_json.h"
 
 #include <algorithm>
 

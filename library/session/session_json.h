@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "editor/cli/command.h"
+#include "library/session/json.h"
 #include "library/session/session.h"
 
 namespace cellwarp::core

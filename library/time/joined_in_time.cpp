@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <utility>
 
-#include "editor/cli/in_time.h"
-#include "editor/cli/session_json.h"
-#include "editor/cli/told_in_time.h"
 #include "io/scene/rod_scene.h"
+#include "library/session/session_json.h"
+#include "library/time/in_time.h"
 #include "library/time/joined_simulation.h"
+#include "library/time/told_in_time.h"
 
 namespace cellwarp::core
 {

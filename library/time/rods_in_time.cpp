@@ -4,16 +4,17 @@
 
 #include <fmt/format.h>
 
-#include "editor/cli/in_time.h"
-#include "editor/cli/session_json.h"
-#include "editor/cli/told_in_time.h"
 #include "io/base/text.h"
 #include "io/formats/geometry_file.h"
 #include "io/formats/plain_mesh.h"
 #include "io/scene/rod_scene.h"
 #include "io/scene/scene_file.h"
+#include "library/session/session_json.h"
+#include "library/session/session_request.h"
 #include "library/time/carried_model.h"
+#include "library/time/in_time.h"
 #include "library/time/simulation.h"
+#include "library/time/told_in_time.h"
 
 namespace cellwarp::core
 {
@@ -223,9 +224,7 @@ public:
                          simulation_.warnings().end());
         if (!scene_.carries())
             return;
-        SessionFlags flags;
-        flags.model = path;
-        SessionRequest request = read_request(flags, true);
+        SessionRequest request = request_of(path, ForTime::Yes);
         warnings_.insert(warnings_.end(), request.warnings.begin(),
                          request.warnings.end());
         request.settings.watch = options.watch;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A scene in time as the command line sees it: rods with what they carry, flesh that
-// follows a skeleton, or both. Each kind has a file of its own.
+// A scene in time, frame by frame: rods with what they carry, flesh that follows a
+// skeleton, or both. Each kind has a file of its own.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,26 @@
 #include <string>
 #include <vector>
 
-#include "editor/cli/command.h"
 #include "io/formats/geometry.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/handle_file.h"
+#include "library/session/body.h"
+#include "library/session/deformation.h"
+#include "library/session/json.h"
+#include "library/session/session_settings.h"
+#include "library/session/skeleton_handle.h"
 
 namespace cellwarp::core
 {
+
+/// What is seen of a scene in time at one moment, in one unit.
+struct FilmFrame
+{
+    std::vector<Geometry> parts;
+    std::vector<PosedJoint> joints; ///< of a skeleton
+    /// Of a lattice: corner k at the upper end of axis a if bit a of k is set.
+    std::vector<std::array<Eigen::Vector3d, 8>> cells;
+};
 
 class InTime
 {
@@ -69,19 +84,22 @@ struct InTimeOptions
 };
 
 /// Nothing for models and for scenes of edits. Throws Fault::Usage where this build does
-/// not have what the scene asks for: editor/cli/features.cpp.
+/// not have what the scene asks for.
 std::unique_ptr<InTime> open_in_time(const std::string& input,
                                      const InTimeOptions& options = {});
 
-/// Rods: editor/cli/rods_in_time.cpp.
+/// Rods: rods_in_time.cpp.
 std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
                                           const InTimeOptions& options);
-/// See scene_in_time().
+/// What a scene of rods in time holds, lists of its parts, and how long it goes on; null
+/// for others, and in a build without rods.
+Json scene_in_time(const std::string& scene);
+/// The same in a build with rods.
 Json time_of_scene(const std::string& scene);
-/// Flesh: editor/cli/flesh_in_time.cpp.
+/// Flesh: flesh_in_time.cpp.
 std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
                                            const InTimeOptions& options);
-/// Both: editor/cli/joined_in_time.cpp.
+/// Both: joined_in_time.cpp.
 std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
                                             const InTimeOptions& options);
 
@@ -113,8 +131,5 @@ std::optional<FleshFacts> flesh_in_time(const std::string& input,
                                         const CellSettings& cells);
 FleshFacts flesh_of_scene(const std::string& scene, const HandleFile& handles,
                           const Geometry& geometry, const CellSettings& cells);
-
-/// The subcommand simulate.
-void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);
 
 } // namespace cellwarp::core

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "editor/cli/in_time.h"
 #include "io/scene/scene_file.h"
 #include "library/session/body.h"
+#include "library/time/in_time.h"
 
 namespace cellwarp::core
 {
@@ -19,7 +19,7 @@ class Simulation;
 struct FleshFrame;
 struct SimulationReport;
 
-// Rods: editor/cli/rods_in_time.cpp.
+// Rods: rods_in_time.cpp.
 
 Json told_of_rods(std::int64_t frame, const SimulationReport& report,
                   const Simulation& simulation);
@@ -29,7 +29,7 @@ std::string problem_of_rods(const SimulationReport& report);
 std::string bytes_of(const Simulation& rods, const std::string& name, double unit,
                      const InTime::Drawing& drawing);
 
-// Flesh: editor/cli/flesh_in_time.cpp.
+// Flesh: flesh_in_time.cpp.
 
 /// A scene of flesh and what it names.
 struct FleshRequest

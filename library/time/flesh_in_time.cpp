@@ -4,13 +4,14 @@
 
 #include <fmt/format.h>
 
-#include "editor/cli/in_time.h"
-#include "editor/cli/session_json.h"
-#include "editor/cli/told_in_time.h"
 #include "io/formats/geometry_file.h"
 #include "library/session/played_frames.h"
+#include "library/session/session_json.h"
+#include "library/session/session_request.h"
 #include "library/session/volume.h"
 #include "library/time/flesh_simulation.h"
+#include "library/time/in_time.h"
+#include "library/time/told_in_time.h"
 #include "octree/base/index.h"
 
 namespace cellwarp::core
@@ -80,13 +81,15 @@ Json told_of_flesh(std::int64_t number, const FleshFrame& frame,
 
 FleshRequest read_flesh_request(const std::string& path)
 {
-    SessionFlags flags;
-    flags.model = path;
-    const SessionRequest request = read_request(flags, true);
-    FleshRequest out{read_scene(path), request.handles.value_or(HandleFile()), nullptr,
-                     request.settings.cells, request.warnings};
+    SessionRequest request = request_of(path, ForTime::Yes);
+    FleshRequest out;
+    out.scene = std::move(request.scene);
+    if (request.handles)
+        out.handles = std::move(*request.handles);
     out.file =
         std::make_shared<const GeometryFile>(read_geometry(request.model, request.read));
+    out.cells = request.settings.cells;
+    out.warnings = std::move(request.warnings);
     return out;
 }
 
