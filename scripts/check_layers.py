@@ -92,7 +92,6 @@ LIBRARIES = {
     "draco/": {"io/formats/draco_mesh.cpp", "tests"},
     "meshoptimizer.h": {"io/formats/meshopt_view.cpp", "tests"},
     "nlohmann/": {"io/scene/json_object.h", "io/scene/scene_file.cpp", "io/formats/gltf_json.h", "io/formats/gltf_rebuild.cpp", "io/formats/animation_file.cpp", "io/scene/skinned_file.cpp", "library/session/json.h", "editor/cli", "editor/document/edit_text.cpp",
-                  "editor/document/json_statements.h",
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},

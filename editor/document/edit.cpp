@@ -110,16 +110,7 @@ public:
 
     void operator()(const SettingsChange& change)
     {
-        // Journals of older versions leave out energy and thickness, which then stay.
-        visit_settings(
-            [](const char*, const char*, const auto&, const auto& from, const auto& to,
-               auto& setting)
-            {
-                if (from != to)
-                    setting = to;
-            },
-            is_back_ ? change.after : change.before,
-            is_back_ ? change.before : change.after, edited_.settings);
+        edited_.settings = is_back_ ? change.before : change.after;
     }
 
 private:

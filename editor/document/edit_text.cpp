@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/document/edit.h"
-#include "editor/document/json_statements.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 
@@ -26,6 +25,17 @@ Json json_of(const std::vector<SampleRun>& runs)
         json.push_back(last);
     }
     return json;
+}
+
+std::vector<SampleRun> runs_of(const Json& json)
+{
+    if (json.size() % 2 != 0)
+        throw std::invalid_argument("runs come in pairs");
+    std::vector<SampleRun> runs;
+    for (std::size_t k = 0; k + 1 < json.size(); k += 2)
+        runs.emplace_back(json.at(k).get<std::int64_t>(),
+                          json.at(k + 1).get<std::int64_t>());
+    return runs;
 }
 
 template <class Value>
@@ -79,22 +89,9 @@ std::string lines_of(const std::vector<OnStatement>& ons)
     return statements_text(part);
 }
 
-// Lines, or what older records have.
-Stage part_of(const Json& lines)
+Stage statements_of(const Json& lines)
 {
     return parse_statements("statements", lines.get<std::string>());
-}
-std::vector<RegionStatement> told_regions(const Json& json)
-{
-    return json.is_string() ? part_of(json).regions : regions_of(json);
-}
-std::vector<FrameStatement> told_frames(const Json& json)
-{
-    return json.is_string() ? part_of(json).frames : frames_of(json);
-}
-std::vector<OnStatement> told_ons(const Json& json)
-{
-    return json.is_string() ? part_of(json).ons : ons_of(json);
 }
 
 struct ChangeJson
@@ -143,17 +140,18 @@ Change change_of(const Json& json)
         return Toggled{runs_of(value)};
     if (kind == "region")
         return RegionChange{value.at("index").get<std::size_t>(),
-                            told_regions(value.at("before")),
-                            told_regions(value.at("after"))};
+                            statements_of(value.at("before")).regions,
+                            statements_of(value.at("after")).regions};
     if (kind == "rename")
         return Renamed{value.at("before").get<std::string>(),
                        value.at("after").get<std::string>()};
     if (kind == "frames")
-        return FramesAdded{told_frames(value)};
+        return FramesAdded{statements_of(value).frames};
     if (kind == "commit")
-        return StageAdded{told_regions(value)};
+        return StageAdded{statements_of(value).regions};
     if (kind == "on")
-        return OnsChange{told_ons(value.at("before")), told_ons(value.at("after"))};
+        return OnsChange{statements_of(value.at("before")).ons,
+                         statements_of(value.at("after")).ons};
     if (kind == "settings")
         return SettingsChange{settings_of(value.at("before")),
                               settings_of(value.at("after"))};
