@@ -56,8 +56,6 @@ public:
     {
         return std::max(size_, state.p.cwiseAbs().maxCoeff());
     }
-    double own_violation() const override { return 0.0; }
-    bool is_held(int) const override { return true; }
     Eigen::Vector3d place(int place, bool of_trial) const override;
     Eigen::Matrix3d frame(int place, bool of_trial) const override;
     void add_moved(int place, const Eigen::Vector3d& n, SparseRow& out) const override;
@@ -65,26 +63,17 @@ public:
                     SparseRow& out) const override;
     void forget_presses() override;
     void press(int place, const Eigen::Vector3d& force) override;
-    void begin() override {}
     void measure(bool of_trial, Measure& out) override;
     double linearise(Eigen::VectorXd& gradient, Measure& here) override;
-    void add_own_forces(const Eigen::VectorXd&, double, Eigen::VectorXd&) const override
-    {
-    }
     double noise_of_forces() const override;
     double cancelled() const override;
     SaddleSolver::Report factorize(const Eigen::VectorXd& lambda, int& level) override;
-    void take_off_contradiction(Measure&) override {}
     void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const override;
     double stiffness_of(int unknown) const override;
-    std::span<const Added> added() const override { return {}; }
     double turn(const Eigen::VectorXd& step) const override;
     void try_step(const Eigen::VectorXd& step, double length) override;
     void try_more(const Eigen::VectorXd& step) override;
-    void add_correction(const Eigen::VectorXd&, Eigen::VectorXd&) const override {}
     void accept(const Eigen::VectorXd*) override { state = trial_; }
-    Again again(const Eigen::VectorXd&, bool) override { return Again::No; }
-    bool is_beyond() const override { return false; }
     void go_back() override;
     void start(double step) override;
     void finish() override;

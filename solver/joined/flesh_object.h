@@ -40,37 +40,19 @@ public:
     int num_unknowns() const override { return static_cast<int>(3 * step_->num_free()); }
     double size() const override { return size_; }
     double extent() const override { return extent_; }
-    double own_violation() const override { return 0.0; }
-    bool is_held(int) const override { return true; }
     Eigen::Vector3d place(int place, bool of_trial) const override;
-    Eigen::Matrix3d frame(int, bool) const override
-    {
-        return Eigen::Matrix3d::Identity();
-    }
     void add_moved(int place, const Eigen::Vector3d& n, SparseRow& out) const override;
-    void add_turned(int, const Eigen::Vector3d&, SparseRow&) const override {}
-    void forget_presses() override {}
-    void press(int, const Eigen::Vector3d&) override {}
-    void begin() override {}
     void measure(bool of_trial, Measure& out) override;
     double linearise(Eigen::VectorXd& gradient, Measure& here) override;
-    void add_own_forces(const Eigen::VectorXd&, double, Eigen::VectorXd&) const override
-    {
-    }
     double noise_of_forces() const override;
     double cancelled() const override;
     SaddleSolver::Report factorize(const Eigen::VectorXd& lambda, int& level) override;
-    void take_off_contradiction(Measure&) override {}
     void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const override;
     double stiffness_of(int unknown) const override { return step_->diagonal(unknown); }
-    std::span<const Added> added() const override { return {}; }
     double turn(const Eigen::VectorXd& step) const override { return step_->turn(step); }
     void try_step(const Eigen::VectorXd& step, double length) override;
     void try_more(const Eigen::VectorXd& step) override;
-    void add_correction(const Eigen::VectorXd&, Eigen::VectorXd&) const override {}
     void accept(const Eigen::VectorXd*) override { u_ = trial_; }
-    Again again(const Eigen::VectorXd&, bool) override { return Again::No; }
-    bool is_beyond() const override { return false; }
     void go_back() override { u_ = first_; }
     void start(double step) override;
     void finish() override;

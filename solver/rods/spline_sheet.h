@@ -77,18 +77,8 @@ public:
     double size() const override { return size_; }
     double extent() const override { return std::max(size_, x.cwiseAbs().maxCoeff()); }
     double own_violation() const override;
-    bool is_held(int) const override { return true; }
     Eigen::Vector3d place(int place, bool of_trial) const override;
-    /// It has no frame.
-    Eigen::Matrix3d frame(int, bool) const override
-    {
-        return Eigen::Matrix3d::Identity();
-    }
     void add_moved(int place, const Eigen::Vector3d& n, SparseRow& out) const override;
-    void add_turned(int, const Eigen::Vector3d&, SparseRow&) const override {}
-    void forget_presses() override {}
-    void press(int, const Eigen::Vector3d&) override {}
-    void begin() override {}
     void measure(bool of_trial, Measure& out) override;
     double linearise(Eigen::VectorXd& gradient, Measure& here) override;
     void add_own_forces(const Eigen::VectorXd& lambda, double scale,
@@ -108,7 +98,6 @@ public:
     {
         return matrix_.lower(unknown, unknown);
     }
-    std::span<const Added> added() const override { return {}; }
     double turn(const Eigen::VectorXd& step) const override
     {
         return springs_.turn(x, step);
@@ -131,7 +120,6 @@ public:
     void undo() override;
     double way() const override { return (x - start_).cwiseAbs().maxCoeff(); }
     Energy energy() const override;
-    bool is_driven() const override { return false; }
     void rest() override { velocity.setZero(); }
 
 private:
