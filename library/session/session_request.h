@@ -14,7 +14,7 @@
 namespace cellwarp::core
 {
 
-/// What replaces a scene's own statements.
+/// Values that replace a scene's own statements.
 struct SceneChanges
 {
     std::string columns;              ///< of text in columns, see ReadOptions
