@@ -112,8 +112,8 @@ bool runs_along_edges(const BoneLine& bone, const Hexahedra& lattice, double nea
     return covered >= (bone.to - bone.from).norm() - 4.0 * near;
 }
 
-/// Of each cell the last material that has it: by its reference in the file, by its
-/// middle in a shape, or by the sample nearest to its middle.
+/// The last material that has each cell: by its reference in the file, by its middle in a
+/// shape, or by the sample nearest to its middle.
 std::vector<int> materials_of(const FleshModel& model, const Lattice& lattice,
                               const std::vector<std::int64_t>& references)
 {

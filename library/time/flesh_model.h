@@ -42,7 +42,7 @@ struct FleshModel
     std::shared_ptr<const RestShape> rest;
     /// Null of an octree's lattice.
     std::shared_ptr<const DrawnFlesh> drawn;
-    /// Of each of its voxels; empty: there is one material, or no octree.
+    /// The material of each voxel; empty: there is one material, or no octree.
     std::vector<int> material_of_voxel;
     std::vector<std::vector<std::size_t>> tube_voxels; ///< of each bone
     /// Cells that lie in it are small; null: no region is asked for.
@@ -69,7 +69,7 @@ struct FleshModel
     Eigen::Vector3d direction_of(const Eigen::Vector3d& of_model) const;
 };
 
-/// What \p selectors select, as a handle file has them. Throws Fault::Malformed at
+/// The regions of \p selectors, as a handle file has them. Throws Fault::Malformed at
 /// \p field of the scene.
 std::vector<Region> flesh_regions(const FleshModel& model,
                                   const std::vector<std::string>& selectors,

@@ -31,7 +31,7 @@ std::vector<Vector3d> places_held(const FleshBody& body)
     return places;
 }
 
-/// How far samples sag, by small strain, but where nothing holds them.
+/// The sag of samples, by small strain, but where nothing holds them.
 struct Sag
 {
     double of_size = 0.0; ///< at the most [diagonal]

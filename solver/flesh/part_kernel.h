@@ -52,7 +52,7 @@ struct PartRun
     PartRow* out = nullptr; ///< 24 rows: corner, axis
 };
 
-/// Of values v: mass M v + stiffness R K R^T v + tube T v; or what pulls back from rest.
+/// The forces of values v, mass M v + stiffness R K R^T v + tube T v, or those to rest.
 struct PartKernels
 {
     void (*product)(const PartRun&);

@@ -38,7 +38,7 @@ private:
         /// Free nodes that the corners take of, and how much each corner does.
         std::vector<int> free;
         std::vector<std::array<double, 8>> shares;
-        /// Of pairs of those, row by row; -1: above the diagonal.
+        /// The blocks of pairs of those, row by row; -1: above the diagonal.
         std::vector<int> blocks;
     };
     void add(const Part& part, const PartMatrix& A);
