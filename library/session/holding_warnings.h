@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What is odd about the parts of a shape that its regions hold.
+// Warnings of odd parts of a shape that its regions hold.
 #pragma once
 
 #include <string>

@@ -22,12 +22,12 @@
 namespace cellwarp::core
 {
 
-/// What is seen of a scene in time at one moment, in one unit.
+/// The shapes of a scene in time at one moment, in one unit.
 struct FilmFrame
 {
     std::vector<Geometry> parts;
     std::vector<PosedJoint> joints; ///< of a skeleton
-    /// Of a lattice: corner k at the upper end of axis a if bit a of k is set.
+    /// Cells of a lattice: corner k is at the upper end of axis a if bit a of k is set.
     std::vector<std::array<Eigen::Vector3d, 8>> cells;
 };
 
@@ -91,8 +91,8 @@ std::unique_ptr<InTime> open_in_time(const std::string& input,
 /// Rods: rods_in_time.cpp.
 std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
                                           const InTimeOptions& options);
-/// What a scene of rods in time holds, lists of its parts, and how long it goes on; null
-/// for others, and in a build without rods.
+/// Lists of the parts of a scene of rods in time, and its duration; null for others, and
+/// in a build without rods.
 Json scene_in_time(const std::string& scene);
 /// The same in a build with rods.
 Json time_of_scene(const std::string& scene);
