@@ -95,7 +95,7 @@ LIBRARIES = {
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
-    "gmp.h": {"octree/wrap/exact_numbers.h"},
+    "gmp.h": {"editor/process/exact_numbers.cpp", "tests"},
     "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_pair.cpp",
               "octree/wrap/triangle_tree.cpp",
               "octree/wrap/skeleton_main.cpp",

@@ -13,9 +13,10 @@
 #include <malloc.h>
 #endif
 
+#include "editor/process/exact_numbers.h"
 #include "io/base/bytes.h"
 #include "io/base/error.h"
-#include "solver/linear/cholesky.h"
+#include "solver/linear/dense_kernels.h"
 
 namespace cellwarp::core
 {
@@ -81,6 +82,7 @@ void end_at_exit() noexcept
 MemoryGuard::MemoryGuard(LibraryExit library_exit)
 {
     reuse_freed_memory();
+    let_exact_numbers_throw();
     std::set_terminate(end_at_terminate);
     if (library_exit == LibraryExit::NoMemory)
         std::atexit(end_at_exit);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // How a program takes its memory, and its end when none is left, also where a library
-// cannot say so.
+// cannot say so. All that cellwarp sets for a whole process is set here, by its programs:
+// what other programs link sets nothing.
 #pragma once
 
 namespace cellwarp::core

@@ -6,8 +6,6 @@
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/intersections.h>
 
-#include "octree/wrap/exact_numbers.h"
-
 namespace cellwarp::core
 {
 

@@ -8,8 +8,6 @@
 #include <CGAL/Surface_mesh.h>
 #include <CGAL/alpha_wrap_3.h>
 
-#include "octree/wrap/exact_numbers.h"
-
 namespace cellwarp::core
 {
 

@@ -18,7 +18,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
-#include "solver/linear/cholesky.h"
+#include "solver/linear/dense_kernels.h"
 
 namespace cellwarp::core
 {
@@ -207,7 +207,7 @@ void RbfSystem::factorise()
                          some.out = dense_.data() + some.first * (size + 1);
                          widest_kernels().columns(some);
                      });
-        prepare_dense_kernels();
+        const OneDenseThread one_thread;
         const lapack_int order = static_cast<lapack_int>(n);
         is_factored_ = LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, dense_.data(),
                                       static_cast<lapack_int>(size)) == 0;

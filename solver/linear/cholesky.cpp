@@ -6,20 +6,12 @@
 
 #include <cmath>
 #include <cstring>
-#include <mutex>
 #include <new>
-
-#include <sys/mman.h>
 
 #include <cholmod.h>
 
 #include "octree/base/index.h"
-
-extern "C" void openblas_set_num_threads(int);
-// Weak: not every build of the library has threads, or ends them by this name.
-extern "C" int blas_thread_shutdown_() __attribute__((weak));
-extern "C" void omp_set_max_active_levels(int);
-extern "C" void dpotrf_(const char*, const int*, double*, const int*, int*);
+#include "solver/linear/dense_kernels.h"
 
 namespace cellwarp::core
 {
@@ -43,9 +35,6 @@ struct SparseCholesky::Library
 
 namespace
 {
-
-/// What the dense kernels take at their first call, with a margin [byte].
-constexpr std::size_t kBlasBuffer = std::size_t(160) << 20;
 
 void throw_if_out_of_memory(const cholmod_common& common)
 {
@@ -77,7 +66,7 @@ cholmod_sparse view(const BlockMatrix& A)
 SparseCholesky::SparseCholesky(const BlockMatrix& A)
     : library_(std::make_unique<Library>())
 {
-    prepare_dense_kernels();
+    const OneDenseThread one_thread;
     cholmod_common& common = library_->common;
     common.print = 0;
     common.supernodal = CHOLMOD_SUPERNODAL;
@@ -97,6 +86,7 @@ bool SparseCholesky::factorize(const BlockMatrix& A)
         A.values().data(), static_cast<Eigen::Index>(A.values().size()));
     if (!library_->factor || !values.allFinite())
         return false;
+    const OneDenseThread one_thread;
     cholmod_sparse matrix = view(A);
     cholmod_common& common = library_->common;
     const bool is_done = cholmod_factorize(&matrix, library_->factor, &common) != 0;
@@ -109,6 +99,7 @@ bool SparseCholesky::factorize(const BlockMatrix& A)
 
 void SparseCholesky::solve(const Eigen::VectorXd& b, Eigen::VectorXd& x) const
 {
+    const OneDenseThread one_thread;
     cholmod_dense right;
     std::memset(&right, 0, sizeof right);
     right.nrow = right.d = right.nzmax = idx(b.size());
@@ -126,40 +117,6 @@ void SparseCholesky::solve(const Eigen::VectorXd& b, Eigen::VectorXd& x) const
 double SparseCholesky::factor_numbers() const
 {
     return library_->common.lnz;
-}
-
-void end_dense_threads()
-{
-    // Once: to set their number again would start them again.
-    static const bool is_done = []
-    {
-        openblas_set_num_threads(1);
-        if (blas_thread_shutdown_)
-            blas_thread_shutdown_();
-        return true;
-    }();
-    static_cast<void>(is_done);
-}
-
-void prepare_dense_kernels()
-{
-    static std::mutex mutex;
-    static bool is_prepared = false;
-    const std::lock_guard lock(mutex);
-    if (is_prepared)
-        return;
-    end_dense_threads();
-    omp_set_max_active_levels(0); // no threads of its own for the sparse library
-    void* const room = ::mmap(nullptr, kBlasBuffer, PROT_READ | PROT_WRITE,
-                              MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (room == MAP_FAILED)
-        throw std::bad_alloc();
-    ::munmap(room, kBlasBuffer);
-    const int one = 1;
-    int info = 0;
-    double number = 1.0;
-    dpotrf_("L", &one, &number, &one, &info);
-    is_prepared = true;
 }
 
 } // namespace cellwarp::core

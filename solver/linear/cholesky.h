@@ -39,15 +39,4 @@ private:
     std::unique_ptr<Library> library_;
 };
 
-/// Ends the threads of the dense kernels and sets their number to one: at the sizes here
-/// more are slower, and their sums depend on the count. They are started with the
-/// program, and look for work without rest for its first 25 ms, on the cores that it
-/// wants: so it is for the beginning of main(). Does its work once.
-void end_dense_threads();
-
-/// To be called before the first dense kernel; does its work once. Ends their threads,
-/// and takes the buffer that they work in: without memory for it they would wait for
-/// ever. Throws std::bad_alloc.
-void prepare_dense_kernels();
-
 } // namespace cellwarp::core

@@ -34,4 +34,17 @@ TEST(Library, a_program_of_ten_lines_bends_as_the_command_line_does)
     EXPECT_TRUE(contains(missing.err, "none.obj")) << missing.err;
 }
 
+TEST(Library, leaves_what_a_program_has_set_for_its_process_and_gives_the_same_bits)
+{
+    const support::Folder folder;
+    const std::string model = support::samples_folder() + "/bar.obj";
+    const support::Result host =
+        support::run_program(CELLWARP_HOST_BINARY, {model, folder / "host.obj"});
+    EXPECT_EQ(host.code, 0) << host.err;
+    ASSERT_EQ(
+        support::run_program(CELLWARP_BEND_BINARY, {model, folder / "bend.obj"}).code, 0);
+    EXPECT_TRUE(support::bytes_of(folder / "host.obj") ==
+                support::bytes_of(folder / "bend.obj"));
+}
+
 } // namespace cellwarp::core

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/linear/cholesky.h"
 
-#include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <limits>
 #include <new>
 #include <random>
@@ -23,12 +21,6 @@ namespace cellwarp::core
 
 namespace
 {
-
-std::ptrdiff_t num_threads_of_process()
-{
-    return std::distance(std::filesystem::directory_iterator("/proc/self/task"),
-                         std::filesystem::directory_iterator());
-}
 
 /// A random positive definite matrix with blocks of sizes 6, 3, 1 and 6.
 BlockMatrix random_matrix(std::mt19937& rng, double shift)
@@ -146,19 +138,6 @@ TEST(SparseCholesky, without_memory_for_the_factor_it_throws_and_can_go_on)
     Eigen::VectorXd x;
     solver.solve(Eigen::VectorXd::Ones(A.rows()), x);
     EXPECT_LT((x - Eigen::VectorXd::Constant(A.rows(), 0.5)).norm(), 1e-12);
-}
-
-TEST(SparseCholesky, dense_kernels_start_no_threads_again_once_theirs_are_ended)
-{
-    end_dense_threads();
-    const std::ptrdiff_t num_threads = num_threads_of_process();
-    end_dense_threads();
-    prepare_dense_kernels();
-    std::mt19937 rng(7);
-    const BlockMatrix A = random_matrix(rng, 9.0);
-    SparseCholesky solver(A);
-    EXPECT_TRUE(solver.factorize(A));
-    EXPECT_EQ(num_threads_of_process(), num_threads);
 }
 
 } // namespace cellwarp::core
