@@ -39,6 +39,9 @@ function(cellwarp_program name)
   add_executable(${name} ${ARGN})
   target_compile_definitions(${name} PRIVATE CELLWARP_VERSION="${PROJECT_VERSION}")
   cellwarp_compile(${name})
+  if(CELLWARP_INSTALL)
+    install(TARGETS ${name})
+  endif()
 endfunction()
 
 function(cellwarp_compile target)
@@ -49,7 +52,7 @@ function(cellwarp_compile target)
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow -ffp-contract=off
     $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict> -fstack-protector-strong $<$<BOOL:${CELLWARP_STRICT}>:-Werror>)
   target_compile_definitions(${target} PRIVATE
-    $<$<NOT:$<CONFIG:Debug>>:_FORTIFY_SOURCE=2> _GLIBCXX_ASSERTIONS)
+    $<$<CONFIG:Release,RelWithDebInfo,MinSizeRel>:_FORTIFY_SOURCE=2> _GLIBCXX_ASSERTIONS)
   target_link_options(${target} PRIVATE LINKER:-z,relro,-z,now)
   if(CELLWARP_SANITIZE)
     # clang has no macros that say so.
