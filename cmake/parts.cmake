@@ -44,6 +44,15 @@ function(cellwarp_program name)
   endif()
 endfunction()
 
+# A program that only others start (octree/base/helper.h).
+function(cellwarp_helper name)
+  add_executable(${name} ${ARGN})
+  cellwarp_compile(${name})
+  if(CELLWARP_INSTALL)
+    install(TARGETS ${name} DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/cellwarp)
+  endif()
+endfunction()
+
 function(cellwarp_compile target)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_include_directories(${target} PUBLIC ${PROJECT_SOURCE_DIR})

@@ -9,7 +9,7 @@
 
 #include "editor/cli/command.h"
 #include "io/base/error.h"
-#include "io/base/program.h"
+#include "octree/base/helper.h"
 
 namespace cellwarp::core
 {
@@ -22,7 +22,7 @@ namespace
 {
     if (common.is_json)
         throw Error(Fault::Usage, "edit prints nothing: it takes no --json");
-    std::vector<std::string> words = {program_beside("cellwarp-editor")};
+    std::vector<std::string> words = {program_folder() + "/cellwarp-editor"};
     const std::string& program = words[0];
     if (::access(program.c_str(), F_OK) != 0)
         throw Error(Fault::Usage, "this build has no editor: " + program +

@@ -19,6 +19,7 @@
 #include "io/base/text.h"
 #include "io/scene/time_settings.h"
 #include "library/time/in_time.h"
+#include "octree/base/helper.h"
 
 namespace cellwarp::core
 {
@@ -255,7 +256,7 @@ void show(Progress& progress, const SweepProgress& now)
 std::vector<std::string> shipped_scenes()
 {
     std::error_code ignored;
-    const fs::path program = fs::read_symlink("/proc/self/exe", ignored).parent_path();
+    const fs::path program = program_folder();
     for (const fs::path& folder :
          {program / "../samples", program / "../share/cellwarp/samples",
           fs::path("samples")})

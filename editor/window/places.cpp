@@ -8,6 +8,7 @@
 
 #include "io/base/bytes.h"
 #include "io/base/error.h"
+#include "octree/base/helper.h"
 
 namespace cellwarp::core
 {
@@ -101,9 +102,8 @@ std::vector<std::string> sample_scenes()
 {
     std::error_code failure;
     std::vector<fs::path> folders = {fs::current_path(failure) / "samples"};
-    const fs::path program = fs::read_symlink("/proc/self/exe", failure);
-    if (!failure)
-        folders.push_back(program.parent_path().parent_path() / "samples");
+    if (const fs::path program = program_folder(); !program.empty())
+        folders.push_back(program.parent_path() / "samples");
     for (const fs::path& folder : folders)
     {
         std::vector<std::string> scenes;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the importer hands to the program that has started it.
+// Bytes that the importer hands to the program that has started it, by `cellwarp-import
+// EXTENSION PID`: PID is that program, with which it ends. The file is read from stdin,
+// what is found in it is written to stdout.
 #pragma once
 
 #include <cstdint>
@@ -11,11 +13,6 @@
 
 namespace cellwarp::core
 {
-
-/// The importer's program, beside the one that starts it: `cellwarp-import EXTENSION
-/// PID`. PID is who has started it, and with whom it ends. The file is read from stdin,
-/// what is found in it is written to stdout.
-inline constexpr const char* kImporter = "cellwarp-import";
 
 /// What a file holds, or why that cannot be told.
 struct Imported

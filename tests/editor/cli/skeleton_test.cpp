@@ -8,6 +8,7 @@
 
 #include "io/base/bytes.h"
 #include "io/formats/geometry_file.h"
+#include "octree/wrap/skeleton.h"
 #include "tests/support/program.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -175,6 +176,20 @@ TEST(SkeletonCli, files_of_skeletons_that_cannot_be_written_are_told_first)
     EXPECT_EQ(
         run({"skeleton", files.model, "-o", files.out("s.tgf"), "--bend", "0"}).code, 2);
     EXPECT_EQ(run({"skeleton", files.out("none.obj"), "-o", files.out("s.tgf")}).code, 4);
+}
+
+TEST(SkeletonCli, a_helper_that_is_missing_is_told_with_the_folder_looked_at)
+{
+    if (!has_curve_skeleton())
+        GTEST_SKIP() << "this build finds none";
+    const Files files;
+    const support::Folder empty;
+    const Result result = run({"skeleton", files.model, "-o", files.out("x.tgf")}, [&]
+                              { ::setenv("CELLWARP_HELPERS", empty.path().c_str(), 1); });
+    EXPECT_EQ(result.code, 4);
+    EXPECT_TRUE(contains(result.err, "cannot start cellwarp-skeleton, looked for in " +
+                                         empty.path().string()))
+        << result.err;
 }
 
 TEST(SkeletonCli, bones_of_what_should_swing_are_left_out)
