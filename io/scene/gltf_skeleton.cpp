@@ -36,8 +36,8 @@
 #include "io/base/text.h"
 #include "io/formats/gltf_data.h"
 #include "io/formats/gltf_nodes.h"
-#include "io/formats/weight_file.h"
 #include "io/scene/skeleton_file.h"
+#include "io/scene/weight_file.h"
 
 namespace cellwarp::core
 {

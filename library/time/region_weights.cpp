@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include "io/base/error.h"
-#include "io/formats/weight_file.h"
+#include "io/scene/weight_file.h"
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
 #include "solver/cells/glue_distances.h"

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "io/formats/geometry_file.h"
-#include "io/formats/weight_file.h"
+#include "io/scene/weight_file.h"
 #include "tests/support/program.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "io/formats/weight_file.h"
+#include "io/scene/weight_file.h"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
