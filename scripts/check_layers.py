@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks the arrows between the rooms, that every library keeps to its place, and that every
-test is built.
+"""Checks the arrows between the rooms and from their tests, that every library keeps to its
+place, that every test is built, and that those that are labelled slow exist.
 
 usage: check_layers.py [ROOT]     exit 1 and a line for each include that is not allowed
 """
@@ -68,7 +68,17 @@ ROOMS = {
                       "octree/base", "solver/linear", "solver/cells", "solver/field"},
     "editor/mpi": {"editor/mpi", "library/session", "io/scene", "io/formats", "io/base",
                    "octree/base"},
-    "tests": None,
+}
+# Tests -> rooms that they may include, with all those that these stand on.
+TESTS = {
+    "tests/io": {"io"},
+    "tests/octree": {"octree", "io/formats"},  # some models are read from files
+    "tests/solver": {"solver"},
+    "tests/library": {"library"},
+    "tests/editor": {"editor"},
+    "tests/bench": {"library"},
+    "tests/fuzz": {"library", "io/journal"},
+    "tests/support": {"library"},
 }
 # Third-party header -> the files or rooms that may include it.
 LIBRARIES = {
@@ -121,12 +131,42 @@ OPTIONAL = {"solver/flesh": {"library/time", "solver/joined"},
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 
 
+def below(tops):
+    """The rooms of these names or in these folders, and all that they stand on."""
+    found, left = set(), [r for r in ROOMS for top in tops if (r + "/").startswith(top + "/")]
+    while left:
+        room = left.pop()
+        if room not in found:
+            found.add(room)
+            left += ROOMS[room]
+    return found
+
+
+ALLOWED = {**ROOMS, **{tests: below(tops) | {tests, "tests/support"}
+                       for tests, tops in TESTS.items()}}
+
+
 def room_of(path):
-    rooms = [r for r in ROOMS if path.startswith(r + "/")]
+    rooms = [r for r in ALLOWED if path.startswith(r + "/")]
     return max(rooms, key=len) if rooms else None
 
 
-def problems_of(path, text):
+def included_by(root, header, seen):
+    """What a header of tests/support includes, and what those of them that it includes do."""
+    path = os.path.join(root, header)
+    if header in seen or not os.path.exists(path):
+        return
+    seen.add(header)
+    with open(path, encoding="utf-8") as file:
+        names = INCLUDE.findall(file.read())
+    for mark, name in names:
+        if mark == '"':
+            yield name
+            if name.startswith("tests/support/"):
+                yield from included_by(root, name, seen)
+
+
+def problems_of(root, path, text):
     room = room_of(path)
     if room is None:
         yield "%s stands in no room" % path
@@ -135,10 +175,14 @@ def problems_of(path, text):
         target = room_of(name) if mark == '"' else None
         if mark == '"' and target is None:
             yield "%s includes \"%s\", which is in no room" % (path, name)
-        elif target and ROOMS[room] is not None and target not in ROOMS[room]:
+        elif target and target not in ALLOWED[room]:
             yield "%s may not include %s" % (room, name)
+        elif target == "tests/support":
+            for further in included_by(root, name, set()):
+                if room_of(further) not in ALLOWED[room]:
+                    yield "%s may not include %s, which includes %s" % (room, name, further)
         for optional, allowed in OPTIONAL.items():
-            if target == optional and room not in (optional, "tests") and not any(
+            if target == optional and room != optional and room not in TESTS and not any(
                     path == p or path.startswith(p + "/") for p in allowed):
                 yield "%s names the optional part %s" % (path, optional)
         for library, places in LIBRARIES.items():
@@ -147,18 +191,29 @@ def problems_of(path, text):
                 yield "%s may not include <%s>" % (path, name)
 
 
-def tests_left_out(root):
-    """Test files that the build does not know."""
-    listed = ""
-    lists = os.path.join(root, "tests", "CMakeLists.txt")
-    if os.path.exists(lists):
-        with open(lists, encoding="utf-8") as file:
-            listed = file.read()
+def problems_of_tests(root):
+    """Test files that the build does not name, and slow tests that it names and are none."""
+    built, slow, files, tests = set(), [], [], set()
     for folder, _, names in os.walk(os.path.join(root, "tests")):
         for name in sorted(names):
-            path = os.path.relpath(os.path.join(folder, name), os.path.join(root, "tests"))
-            if name.endswith("_test.cpp") and path.replace(os.sep, "/") not in listed:
-                yield "tests/%s is no part of the tests" % path
+            path = os.path.join(folder, name)
+            if name == "CMakeLists.txt":
+                with open(path, encoding="utf-8") as file:
+                    text = file.read()
+                built |= {os.path.normpath(os.path.join(folder, source))
+                          for source in re.findall(r"[\w./]+\.cpp", text)}
+                # As CTest has them: Suite.test, or Many/Suite.test/one of values.
+                slow += re.findall(r"^\s+(?:\w+/)?([A-Z]\w*)\.([a-z]\w*)(?:/\w+)?\)?$", text, re.M)
+            elif name.endswith("_test.cpp"):
+                files.append(path)
+                with open(path, encoding="utf-8") as file:
+                    tests |= set(re.findall(r"^TEST(?:_[FP])?\((\w+),\s*(\w+)\)", file.read(), re.M))
+    for path in files:
+        if os.path.normpath(path) not in built:
+            yield "%s is no part of the tests" % os.path.relpath(path, root).replace(os.sep, "/")
+    for suite, test in slow:
+        if (suite, test) not in tests:
+            yield "there is no test %s.%s that could be slow" % (suite, test)
 
 
 def main():
@@ -172,9 +227,9 @@ def main():
                     continue
                 path = os.path.relpath(os.path.join(folder, name), root).replace(os.sep, "/")
                 with open(os.path.join(folder, name), encoding="utf-8") as file:
-                    problems += problems_of(path, file.read())
+                    problems += problems_of(root, path, file.read())
                 count += 1
-    problems += tests_left_out(root)
+    problems += problems_of_tests(root)
     for problem in problems:
         print(problem, file=sys.stderr)
     if count == 0:

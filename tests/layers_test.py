@@ -23,7 +23,12 @@ def check(files):
         return run.returncode, run.stderr
 
 
-good = {"octree/a.cpp": '#include "octree/a.h"\n', "octree/a.h": "#pragma once\n"}
+good = {"octree/a.cpp": '#include "octree/a.h"\n', "octree/a.h": "#pragma once\n",
+        "tests/CMakeLists.txt": "add_executable(octree_tests\n  octree/a_test.cpp)\n",
+        "tests/octree/CMakeLists.txt": "cellwarp_room_tests(octree SLOW\n  A.b\n  Many/A.c/one)\n",
+        "tests/octree/a_test.cpp": '#include "octree/wrap/wrap.h"\nTEST(A, b)\nTEST_P(A,\n       c)\n',
+        "tests/support/high.h": '#include "library/session/session.h"\n',
+        "tests/editor/a.cpp": '#include "tests/support/high.h"\n'}
 assert check(good)[0] == 0
 for path, text, words in (
         ("octree/b.cpp", '#include "solver/cells/glue.h"\n', "may not include solver/cells"),
@@ -35,7 +40,13 @@ for path, text, words in (
          "may not include solver/rods"),
         ("solver/cells/b.cpp", "#include <cholmod.h>\n", "may not include <cholmod.h>"),
         ("octree/b.cpp", "#include <CGAL/Surface_mesh.h>\n", "may not include <CGAL/"),
-        ("tests/io/base/b_test.cpp", "", "is no part of the tests"),
+        ("tests/io/base/b_test.cpp", "", "tests/io/base/b_test.cpp is no part of the tests"),
+        ("tests/io/CMakeLists.txt", "cellwarp_room_tests(io SLOW\n  A.d)\n",
+         "there is no test A.d"),
+        ("tests/octree/b.cpp", '#include "solver/cells/glue.h"\n',
+         "tests/octree may not include solver/cells/glue.h"),
+        ("tests/octree/b.cpp", '#include "tests/support/high.h"\n',
+         "tests/octree may not include tests/support/high.h, which includes library/session"),
         ("octree/b.cpp", '#include "octree/wrap/wrap.h"\n', "names the optional part octree/wrap"),
         ("editor/cli/deform.cpp", '#include "library/picture/picture.h"\n',
          "names the optional part library/picture"),

@@ -14,6 +14,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "solver/field/sample_blend.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace

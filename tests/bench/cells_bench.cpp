@@ -17,6 +17,7 @@
 #include "octree/base/index.h"
 #include "octree/cells.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace

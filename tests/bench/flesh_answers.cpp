@@ -17,6 +17,8 @@
 #include "solver/flesh/flesh_forces.h"
 #include "solver/flesh/part_points.h"
 #include "tests/support/flesh.h"
+#include "tests/support/random_poses.h"
+#include "tests/support/shapes.h"
 #include "tests/support/source_rules.h"
 
 namespace

@@ -22,7 +22,9 @@
 #include "octree/sealed_inside.h"
 #include "octree/surface_marks.h"
 #include "octree/winding.h"
+#include "tests/support/files.h"
 #include "tests/support/pot.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

@@ -10,7 +10,7 @@
 #include "io/base/bytes.h"
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 
 namespace
 {

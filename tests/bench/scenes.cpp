@@ -15,6 +15,7 @@
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core::bench

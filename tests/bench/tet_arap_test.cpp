@@ -7,7 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/bench/tet_box.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 
 namespace cellwarp::core::bench
 {

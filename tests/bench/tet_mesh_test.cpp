@@ -10,7 +10,7 @@
 
 #include "octree/base/index.h"
 #include "tests/bench/tet_box.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core::bench
 {

@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/grids.h"
-#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -11,6 +11,8 @@
 #include "octree/base/index.h"
 #include "octree/notches.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

@@ -6,14 +6,13 @@
 #include <numbers>
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
 #include "octree/material.h"
+#include "tests/support/files.h"
 #include "tests/support/grids.h"
 #include "tests/support/pot.h"
-#include "tests/support/program.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core
@@ -223,29 +222,6 @@ TEST(Hollows, the_sample_vase_stays_a_shell)
                 {vase.face(f)[0], vase.face(f)[k - 1], vase.face(f)[k]});
     EXPECT_EQ(found(shape).method, InsideMethod::None);
     EXPECT_EQ(found(Shape{shape.samples, {}}).method, InsideMethod::None);
-}
-
-TEST(Hollows, a_wide_opening_that_is_closed_is_told)
-{
-    const support::Folder folder;
-    const std::string model =
-        folder.write("pot.obj", support::obj_text(with_hole(pot(0.1), kTop, 0.45)));
-    const std::string handles =
-        folder.write("pot.handles", "cellwarp-handles 1\nunits relative\n"
-                                    "fixed foot box 0 0 0 1 0.2 1\n"
-                                    "handle spout box 0.9 0 0 1 1 1\n"
-                                    "frame 1\nmove spout translate 0 0.1 0\n");
-    const auto deformed = [&](const std::string& fill)
-    {
-        return support::run({"deform", model, "--handles", handles, "--fill", fill, "-o",
-                             folder / (fill + ".obj"), "--json", "--preview", "--across",
-                             "8", "--max-depth", "0"});
-    };
-    const support::Result solid = deformed("solid"), shell = deformed("shell");
-    EXPECT_EQ(solid.code, 0) << solid.err;
-    EXPECT_EQ(nlohmann::json::parse(solid.out)["material"]["inside"], "hollows");
-    EXPECT_NE(solid.err.find("is taken as closed"), std::string::npos) << solid.err;
-    EXPECT_EQ(shell.err.find("is taken as closed"), std::string::npos) << shell.err;
 }
 
 } // namespace cellwarp::core

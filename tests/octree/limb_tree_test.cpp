@@ -13,6 +13,7 @@
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 #include "octree/winding.h"
+#include "tests/support/files.h"
 #include "tests/support/person.h"
 #include "tests/support/pot.h"
 #include "tests/support/shapes.h"

@@ -11,6 +11,8 @@
 #include "octree/base/index.h"
 #include "octree/distance_transform.h"
 #include "octree/pieces.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

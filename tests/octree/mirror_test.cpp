@@ -12,6 +12,7 @@
 
 #include "octree/cells.h"
 #include "tests/support/bodies.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

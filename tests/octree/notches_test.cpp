@@ -13,6 +13,7 @@
 #include "octree/material.h"
 #include "octree/pieces.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

@@ -15,6 +15,7 @@
 #include "io/formats/geometry_file.h"
 #include "octree/base/parallel.h"
 #include "octree/wrap/triangle_pair.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

@@ -11,6 +11,7 @@
 #include "octree/base/parallel.h"
 #include "octree/cells.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

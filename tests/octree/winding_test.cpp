@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/bounding_surface.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

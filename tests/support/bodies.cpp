@@ -8,6 +8,7 @@
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
+#include "tests/support/files.h"
 
 namespace cellwarp::core::support
 {

@@ -2,7 +2,9 @@
 // Shapes whose material comes close to itself, for tests of what follows the glue.
 #pragma once
 
-#include "tests/support/shapes.h"
+#include <Eigen/Core>
+
+#include "octree/shape.h"
 
 namespace cellwarp::core::support
 {

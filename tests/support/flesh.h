@@ -10,6 +10,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "solver/flesh/flesh.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core::support

@@ -13,6 +13,8 @@
 #include <Eigen/Geometry>
 
 #include "octree/base/index.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core::support

@@ -9,7 +9,7 @@
 
 #include <Eigen/Core>
 
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 
 namespace cellwarp::core::support
 {

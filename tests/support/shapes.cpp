@@ -2,18 +2,15 @@
 #include "tests/support/shapes.h"
 
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <map>
-#include <sstream>
+#include <random>
 
 #include <Eigen/Geometry>
-#include <unistd.h>
 
 #include "io/base/number.h"
 #include "octree/base/index.h"
 #include "octree/sheet.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core::support
 {
@@ -281,66 +278,6 @@ Built bar(int nx, int ny, int nz)
 {
     return built(box_shape(Eigen::Vector3d::Zero(), Eigen::Vector3d(nx, ny, nz), 1),
                  std::max({nx, ny, nz}));
-}
-
-double random_number(std::mt19937& rng, double low, double high)
-{
-    return low + (high - low) * static_cast<double>(rng()) / 4294967296.0;
-}
-
-Eigen::Vector3d random_vector(std::mt19937& rng, double size)
-{
-    Eigen::Vector3d v;
-    for (int k = 0; k < 3; ++k)
-        v[k] = random_number(rng, -size, size);
-    return v;
-}
-
-Eigen::Matrix3d random_rotation(std::mt19937& rng)
-{
-    const Eigen::Vector3d axis = random_vector(rng, 1.0).normalized();
-    return rotation_about(axis, random_number(rng, -3.1, 3.1));
-}
-
-Pose random_pose(std::mt19937& rng, double size)
-{
-    return {random_rotation(rng), random_vector(rng, size)};
-}
-
-Folder::Folder()
-{
-    std::string name =
-        (std::filesystem::temp_directory_path() / "cellwarp-test-XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-}
-
-Folder::~Folder()
-{
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-}
-
-std::string Folder::write(const std::string& name, const std::string& bytes) const
-{
-    std::ofstream(path_ / name, std::ios::binary) << bytes;
-    return (path_ / name).string();
-}
-
-std::string bytes_of(const std::string& path)
-{
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
-
-std::string data_folder()
-{
-    const char* folder = std::getenv("CELLWARP_TEST_DATA");
-    return folder ? folder : "";
-}
-
-std::string samples_folder()
-{
-    return CELLWARP_SAMPLES;
 }
 
 } // namespace cellwarp::core::support

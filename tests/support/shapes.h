@@ -1,22 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Shapes, files and folders made by functions, so that a test can be read alone.
+// Shapes and their cells made by functions, so that a test can be read alone.
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
-#include <random>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "io/formats/geometry.h"
-#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 #include "octree/material.h"
 #include "octree/octree.h"
+#include "octree/shape.h"
 
 namespace cellwarp::core::support
 {
@@ -68,35 +65,5 @@ Built built_mixed(const Shape& shape, int across, int depth, unsigned seed,
 
 /// A bar of cells, counts along the axes, by itself.
 Built bar(int nx, int ny, int nz);
-
-double random_number(std::mt19937& rng, double low, double high);
-Eigen::Vector3d random_vector(std::mt19937& rng, double size);
-Eigen::Matrix3d random_rotation(std::mt19937& rng);
-Pose random_pose(std::mt19937& rng, double size);
-
-/// A folder of this test's own, empty; removed at the end.
-class Folder
-{
-public:
-    Folder();
-    ~Folder();
-    std::string operator/(const std::string& name) const
-    {
-        return (path_ / name).string();
-    }
-    const std::filesystem::path& path() const { return path_; }
-    /// Writes a file and gives its path.
-    std::string write(const std::string& name, const std::string& bytes) const;
-
-private:
-    std::filesystem::path path_;
-};
-
-std::string bytes_of(const std::string& path);
-
-/// The folder of real models (CELLWARP_TEST_DATA); empty without it.
-std::string data_folder();
-/// The folder of the samples that ship with the project.
-std::string samples_folder();
 
 } // namespace cellwarp::core::support

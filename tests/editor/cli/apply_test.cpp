@@ -19,6 +19,7 @@
 #include "library/stream/manifest.h"
 #include "octree/base/index.h"
 #include "tests/support/fields.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/throws.h"

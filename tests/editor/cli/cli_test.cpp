@@ -10,6 +10,8 @@
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
 #include "octree/wrap/triangle_pair.h"
+#include "tests/support/files.h"
+#include "tests/support/pot.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
@@ -465,6 +467,30 @@ TEST(Cli, json_tells_of_contacts_where_they_are_asked_for)
     EXPECT_TRUE(std::find(unused.begin(), unused.end(), "contact") == unused.end());
 }
 
+TEST(Cli, a_wide_opening_that_is_closed_is_told)
+{
+    const support::Folder folder;
+    const std::string model = folder.write(
+        "pot.obj", support::obj_text(support::with_hole(
+                       support::pot(0.1), Eigen::Vector3d(0, 0.8, 0), 0.45)));
+    const std::string handles =
+        folder.write("pot.handles", "cellwarp-handles 1\nunits relative\n"
+                                    "fixed foot box 0 0 0 1 0.2 1\n"
+                                    "handle spout box 0.9 0 0 1 1 1\n"
+                                    "frame 1\nmove spout translate 0 0.1 0\n");
+    const auto deformed = [&](const std::string& fill)
+    {
+        return run({"deform", model, "--handles", handles, "--fill", fill, "-o",
+                    folder / (fill + ".obj"), "--json", "--preview", "--across", "8",
+                    "--max-depth", "0"});
+    };
+    const Result solid = deformed("solid"), shell = deformed("shell");
+    EXPECT_EQ(solid.code, 0) << solid.err;
+    EXPECT_EQ(nlohmann::json::parse(solid.out)["material"]["inside"], "hollows");
+    EXPECT_NE(solid.err.find("is taken as closed"), std::string::npos) << solid.err;
+    EXPECT_EQ(shell.err.find("is taken as closed"), std::string::npos) << shell.err;
+}
+
 TEST(Cli, fill_closed_puts_lids_on_a_mesh_that_would_be_a_shell)
 {
     const support::Folder folder;
@@ -700,7 +726,7 @@ TEST(Cli, the_memory_that_a_scene_is_said_to_need_is_enough_for_it)
         SCOPED_TRACE(name);
         const auto deform = [&](const std::string& limit)
         {
-            return run({"deform", CELLWARP_SAMPLES "/" + name + ".json", "-o",
+            return run({"deform", support::samples_folder() + "/" + name + ".json", "-o",
                         folder / "out.obj", "--overwrite", "--json", "--max-memory",
                         limit});
         };

@@ -4,7 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/program.h"
+#include "tests/support/files.h"
+#include "tests/support/process.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -11,8 +11,10 @@
 
 #include "io/base/error.h"
 #include "octree/base/index.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -9,7 +9,9 @@
 
 #include "io/formats/geometry_file.h"
 #include "tests/support/extremes.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -10,7 +10,9 @@
 
 #include "editor/window/film.h"
 #include "io/formats/geometry_file.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -16,6 +16,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/throws.h"

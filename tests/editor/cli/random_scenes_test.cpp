@@ -12,6 +12,7 @@
 #include <sys/resource.h>
 
 #include "io/formats/geometry_file.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/random_scene.h"
 #include "tests/support/sanitized.h"

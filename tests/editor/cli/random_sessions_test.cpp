@@ -16,6 +16,7 @@
 #include "io/formats/geometry_file.h"
 #include "library/session/session.h"
 #include "octree/base/parallel.h"
+#include "tests/support/files.h"
 #include "tests/support/random_scene.h"
 #include "tests/support/sanitized.h"
 

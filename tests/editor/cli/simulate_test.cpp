@@ -10,6 +10,7 @@
 
 #include "io/formats/geometry_file.h"
 #include "tests/support/extremes.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/scripts.h"
@@ -87,10 +88,11 @@ TEST(SimulateCommand, scenes_of_rods_are_checked_without_it)
     // An edit beside rods in time: both are checked.
     const auto beside = [&](const std::string& radius)
     {
-        return run(
-            {"check", folder.write("beside.json",
-                                   R"({"cellwarp": 1, "model": ")" CELLWARP_SAMPLES
-                                   R"(/bar.obj", "rods": [{"through": [[0,0,0],[1,0,0]],
+        return run({"check",
+                    folder.write("beside.json",
+                                 R"({"cellwarp": 1, "model": ")" +
+                                     support::samples_folder() +
+                                     R"(/bar.obj", "rods": [{"through": [[0,0,0],[1,0,0]],
             "radius": )" + radius + R"(}], "simulate": {"duration": 0.1}})")});
     };
     EXPECT_EQ(beside("0.1").code, 0) << beside("0.1").err;
@@ -101,8 +103,7 @@ TEST(SimulateCommand, scenes_of_rods_are_checked_without_it)
     // Rods that carry a model: the scene is theirs.
     for (const char* name : {"hung", "stitch", "tentacle"})
         EXPECT_EQ(
-            run({"check", CELLWARP_SAMPLES "/rods/" + std::string(name) + ".json"}).code,
-            0)
+            run({"check", support::samples_folder() + "/rods/" + name + ".json"}).code, 0)
             << name;
 }
 

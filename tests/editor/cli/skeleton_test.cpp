@@ -9,6 +9,7 @@
 #include "io/base/bytes.h"
 #include "io/formats/geometry_file.h"
 #include "octree/wrap/skeleton.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -194,7 +195,7 @@ TEST(SkeletonCli, a_helper_that_is_missing_is_told_with_the_folder_looked_at)
 
 TEST(SkeletonCli, bones_of_what_should_swing_are_left_out)
 {
-    const std::string model = std::string(CELLWARP_SAMPLES) + "/creature.obj";
+    const std::string model = support::samples_folder() + "/creature.obj";
     const support::Folder folder;
     const auto names = [&](std::vector<std::string> more)
     {
@@ -237,7 +238,7 @@ TEST(SkeletonCli, bones_of_what_should_swing_are_left_out)
 
 TEST(SkeletonCli, a_capture_moves_joints_that_were_found)
 {
-    const std::string model = std::string(CELLWARP_SAMPLES) + "/creature.obj";
+    const std::string model = support::samples_folder() + "/creature.obj";
     const support::Folder folder;
     folder.write("nod.bvh",
                  "HIERARCHY\nROOT Hips\n{\nOFFSET 0 1 0\n"
@@ -275,7 +276,7 @@ TEST(SkeletonCli, a_capture_moves_joints_that_were_found)
 
 TEST(SkeletonCli, info_tells_where_limbs_end)
 {
-    const std::string model = std::string(CELLWARP_SAMPLES) + "/creature.obj";
+    const std::string model = support::samples_folder() + "/creature.obj";
     const support::Folder folder;
     const Result told = run({"info", "--extremities", "--json", model});
     ASSERT_EQ(told.code, 0) << told.err;
@@ -296,7 +297,7 @@ TEST(SkeletonCli, info_tells_where_limbs_end)
         contains(run({"info", "--extremities", model}).out, "  extremity   box 0 0."));
     // Halves of a bar are no limbs.
     const Result bar =
-        run({"info", "--extremities", std::string(CELLWARP_SAMPLES) + "/bar.obj"});
+        run({"info", "--extremities", support::samples_folder() + "/bar.obj"});
     EXPECT_EQ(bar.code, 0) << bar.err;
     EXPECT_TRUE(contains(bar.out, "  extremity   none: every limb")) << bar.out;
     const std::string point = folder.write("point.obj", "v 1 2 3\n");

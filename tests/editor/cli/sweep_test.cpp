@@ -15,6 +15,7 @@
 #include "editor/cli/sweep_page.h"
 #include "io/base/number.h"
 #include "io/formats/geometry_file.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 

@@ -17,6 +17,8 @@
 #include "library/session/session.h"
 #include "octree/base/index.h"
 #include "tests/editor/document/random_edits.h"
+#include "tests/support/files.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -14,6 +14,7 @@
 #include "library/session/scene_settings.h"
 #include "octree/base/index.h"
 #include "tests/support/allocations.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

@@ -14,6 +14,7 @@
 #include "library/session/scene_settings.h"
 #include "octree/base/clock.h"
 #include "tests/editor/document/random_edits.h"
+#include "tests/support/random.h"
 #include "tests/support/sanitized.h"
 
 namespace cellwarp::core

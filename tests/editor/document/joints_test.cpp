@@ -9,6 +9,7 @@
 #include "editor/document/editing.h"
 #include "io/base/bytes.h"
 #include "tests/editor/document/random_edits.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

@@ -8,7 +8,7 @@
 
 #include "editor/document/selection.h"
 #include "octree/base/index.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core
 {

@@ -6,6 +6,8 @@
 #include "io/base/bytes.h"
 #include "io/base/error.h"
 #include "library/session/session.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core::support
 {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "editor/document/document.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 
 namespace cellwarp::core::support
 {

@@ -11,6 +11,7 @@
 
 #include "io/formats/stored_number.h"
 #include "tests/support/fields.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 

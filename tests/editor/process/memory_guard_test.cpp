@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "io/base/bytes.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 
 namespace cellwarp::core
 {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "editor/tools/interaction.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core::support

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/editor/tools/desk.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/editor/tools/desk.h"
+#include "tests/support/files.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -15,7 +15,9 @@
 #include "io/base/error.h"
 #include "octree/base/parallel.h"
 #include "tests/editor/tools/shown.h"
-#include "tests/support/program.h"
+#include "tests/support/files.h"
+#include "tests/support/process.h"
+#include "tests/support/random.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 

@@ -10,6 +10,7 @@
 
 #include "editor/tools/gizmo.h"
 #include "tests/editor/tools/shown.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

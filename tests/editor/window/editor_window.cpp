@@ -11,6 +11,8 @@
 #include <unistd.h>
 
 #include "io/journal/journal.h"
+#include "tests/support/files.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core::support
 {

@@ -9,7 +9,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/editor/window/display.h"
-#include "tests/support/program.h"
+#include "tests/support/files.h"
+#include "tests/support/process.h"
 
 namespace cellwarp::core::support
 {

@@ -7,8 +7,10 @@
 #include <gtest/gtest.h>
 
 #include "io/formats/geometry_file.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/scripts.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

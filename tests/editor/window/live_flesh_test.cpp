@@ -13,6 +13,7 @@
 #include "io/formats/geometry_file.h"
 #include "io/scene/scene_file.h"
 #include "tests/editor/tools/desk.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 

@@ -6,6 +6,8 @@
 #include <sstream>
 
 #include "tests/editor/window/editor_window.h"
+#include "tests/support/files.h"
+#include "tests/support/process.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -17,6 +17,7 @@
 #include "editor/window/warning_words.h"
 #include "editor/window/window.h"
 #include "io/base/error.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

@@ -14,7 +14,9 @@
 #include "editor/document/document.h"
 #include "octree/base/index.h"
 #include "tests/editor/window/editor_window.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 
 namespace cellwarp::core
 {

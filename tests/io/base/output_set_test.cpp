@@ -13,8 +13,7 @@
 #include "io/formats/geometry_file.h"
 #include "io/formats/geometry_output.h"
 #include "tests/support/failing_calls.h"
-#include "tests/support/program.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -11,7 +11,6 @@
 #include <nlohmann/json.hpp>
 
 #include "io/formats/geometry_file.h"
-#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -23,7 +23,7 @@
 #include "io/formats/gltf_memory.h"
 #include "io/formats/stored_number.h"
 #include "io/formats/stream.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

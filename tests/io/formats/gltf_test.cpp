@@ -13,9 +13,8 @@
 #include "io/formats/geometry_file.h"
 #include "io/formats/geometry_output.h"
 #include "io/formats/stored_number.h"
-#include "octree/base/index.h"
 #include "tests/support/allocations.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core
@@ -426,8 +425,8 @@ TEST(Gltf, what_many_primitives_share_is_read_in_proportion_to_the_file_or_refus
     json["meshes"][0]["primitives"] = list;
     EXPECT_TRUE(contains(refused(json.dump()), "nodes: more "));
     for (int i = 0; i < 5000; ++i)
-        json["meshes"][0]["primitives"][idx(i)]["attributes"] = {{"POSITION", 0},
-                                                                 {"NORMAL", i}};
+        json["meshes"][0]["primitives"][static_cast<std::size_t>(i)]["attributes"] = {
+            {"POSITION", 0}, {"NORMAL", i}};
     EXPECT_TRUE(contains(refused(json.dump()), "nodes: more "));
 }
 

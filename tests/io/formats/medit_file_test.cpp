@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
-#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -9,7 +9,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
 #include "tests/support/parts.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

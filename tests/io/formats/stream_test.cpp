@@ -20,7 +20,7 @@
 #include "io/formats/gltf.h"
 #include "io/formats/stored_number.h"
 #include "io/formats/stream_ranges.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <csignal>
-#include <filesystem>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -13,48 +12,22 @@
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include "io/formats/geometry_file.h"
+#include "tests/support/collada.h"
 #include "tests/support/failing_calls.h"
-#include "tests/support/program.h"
+#include "tests/support/process.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core
 {
 
+using support::collada;
 using support::contains;
 using support::error_of;
-using support::Result;
-using support::run;
 
 namespace
 {
-
-/// A tetrahedron, its faces without shared corners in the file's eyes, under two nodes;
-/// the second one is moved by (0, 0, 3) and twice as large.
-std::string collada(const std::string& positions = "0 0 0 1 0 0 0 1 0 0 0 1")
-{
-    return R"(<?xml version="1.0" encoding="utf-8"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><up_axis>Y_UP</up_axis></asset>
-<library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="pa" count="12">)" +
-           positions + R"(</float_array><technique_common>
-<accessor source="#pa" count="4" stride="3"><param name="X" type="float"/>
-<param name="Y" type="float"/><param name="Z" type="float"/></accessor>
-</technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-<polylist count="4"><input semantic="VERTEX" source="#v" offset="0"/>
-<vcount>3 3 3 3</vcount><p>0 2 1 0 1 3 1 2 3 0 3 2</p></polylist>
-</mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="s">
-<node><instance_geometry url="#g"/></node>
-<node><translate>0 0 3</translate><scale>2 2 2</scale><instance_geometry url="#g"/></node>
-</visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>
-)";
-}
 
 /// A tetrahedron whose edges along the axes are 50 units long. \p unit: of the file [cm];
 /// empty: it says nothing.
@@ -169,51 +142,12 @@ TEST(Import, its_limits_do_not_count_what_the_program_has)
     EXPECT_EQ(now.rlim_cur, RLIM_INFINITY);
 }
 
-TEST(Import, runs_the_program_beside_this_one_and_says_where_there_is_none)
-{
-    const support::Folder folder;
-    const std::string program = folder / "cellwarp";
-    std::filesystem::copy_file(CELLWARP_BINARY, program);
-    const std::string model = folder.write("x.dae", collada());
-    const Result without = support::run_program(program, {"info", model});
-    EXPECT_EQ(without.code, 4);
-    EXPECT_TRUE(contains(without.err, model +
-                                          ": cannot start cellwarp-import, looked for "
-                                          "in " +
-                                          folder.path().string()))
-        << without.err;
-    EXPECT_EQ(support::run_program(program, {"info", model},
-                                   []
-                                   {
-                                       const std::filesystem::path built(CELLWARP_BINARY);
-                                       ::setenv("CELLWARP_HELPERS",
-                                                built.parent_path().c_str(), 1);
-                                   })
-                  .code,
-              0);
-    const auto importer = [&](const std::string& script)
-    {
-        std::filesystem::permissions(
-            folder.write("cellwarp-import", "#!/bin/sh\n" + script),
-            std::filesystem::perms::owner_all);
-        return support::run_program(program, {"info", model});
-    };
-    const Result crashed = importer("kill -SEGV $$\n");
-    EXPECT_EQ(crashed.code, 3);
-    EXPECT_TRUE(contains(crashed.err, "ended with signal 11")) << crashed.err;
-    const Result cut = importer("printf 'short'\n");
-    EXPECT_EQ(cut.code, 3);
-    EXPECT_TRUE(contains(cut.err, "ended early")) << cut.err;
-}
-
 TEST(Import, ends_with_the_program_that_has_started_it)
 {
     int model[2], life[2];
     ASSERT_EQ(::pipe2(model, O_CLOEXEC), 0); // never written to: it waits
     ASSERT_EQ(::pipe2(life, O_CLOEXEC), 0);  // closed when it has ended
-    const std::string importer =
-        (std::filesystem::path(CELLWARP_BINARY).parent_path() / "cellwarp-import")
-            .string();
+    const char* const importer = CELLWARP_IMPORT_BINARY;
     const pid_t starter = ::fork();
     if (starter == 0)
     {
@@ -222,7 +156,7 @@ TEST(Import, ends_with_the_program_that_has_started_it)
         {
             ::dup2(model[0], 0);
             ::dup2(life[1], 1);
-            ::execl(importer.c_str(), importer.c_str(), "dae", self.c_str(), nullptr);
+            ::execl(importer, importer, "dae", self.c_str(), nullptr);
             ::_exit(99);
         }
         for (;;)
@@ -236,38 +170,6 @@ TEST(Import, ends_with_the_program_that_has_started_it)
     EXPECT_EQ(::poll(&ended, 1, 60'000), 1) << "it lives on";
     for (const int file : {model[0], model[1], life[0]})
         ::close(file);
-}
-
-TEST(Import, a_deformation_of_it_becomes_a_plain_mesh)
-{
-    const support::Folder folder;
-    const std::string model = folder.write("x.dae", collada());
-    const nlohmann::json info = nlohmann::json::parse(run({"info", "--json", model}).out);
-    EXPECT_EQ(info["format"], "dae");
-    EXPECT_EQ(info["triangles"], 8);
-    EXPECT_EQ(info["writable"], false);
-    const std::string handles =
-        folder.write("x.handles", "cellwarp-handles 1\nhandle all all\nframe 1\n"
-                                  "move all translate 1 2 3\n");
-    for (const char* out : {"y.obj", "y.ply"})
-    {
-        const Result result =
-            run({"deform", model, "--handles", handles, "-o", folder / out});
-        EXPECT_EQ(result.code, 0) << result.err;
-        EXPECT_TRUE(contains(result.err, "vertices may be split"));
-        const Geometry geometry = read_geometry(folder / out).geometry;
-        EXPECT_EQ(geometry.samples.size(), 8u);
-        const Geometry before = import_geometry("x.dae", collada());
-        for (std::size_t i = 0; i < 8; ++i)
-            EXPECT_LT((geometry.samples[i] - before.samples[i] - Eigen::Vector3d(1, 2, 3))
-                          .norm(),
-                      1e-12);
-    }
-    EXPECT_EQ(run({"deform", model, "-o", folder / "y.dae"}).code, 2);
-    EXPECT_EQ(run({"deform", model, "-o", folder / "y.stl"}).code, 2);
-    EXPECT_EQ(run({"deform", model, "-o", "-"}).code, 2);
-    EXPECT_EQ(run({"info", folder.write("bad.fbx", "Kaydara FBX")}).code, 3);
-    EXPECT_EQ(run({"info", folder / "none.fbx"}).code, 4);
 }
 
 TEST(Import, what_the_system_refuses_is_told_and_no_fault_of_the_file)

@@ -22,8 +22,7 @@
 
 #include <gtest/gtest.h>
 
-#include "octree/base/index.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core
@@ -458,7 +457,7 @@ TEST(Journal, a_kill_at_any_moment_loses_nothing_that_was_appended)
         ASSERT_EQ(status & 0x7f, SIGKILL);
         char many[4096];
         for (ssize_t got; (got = ::read(reports[0], many, sizeof many)) > 0;)
-            num_reported += idx(got);
+            num_reported += static_cast<std::size_t>(got);
         ::close(reports[0]);
         const std::size_t recovered = num_recovered(path);
         EXPECT_GE(recovered, num_reported);
@@ -499,7 +498,7 @@ TEST(Journal, a_full_disk_refuses_a_record_and_keeps_the_others)
             {
             };
             ::stat(path.c_str(), &status);
-            if (idx(status.st_size) !=
+            if (static_cast<std::size_t>(status.st_size) !=
                 starts.back() + kRecordHead + payload_of(starts.size()).size())
                 return 4;
             // With room again it goes on where it was.

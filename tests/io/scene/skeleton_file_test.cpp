@@ -12,7 +12,7 @@
 #include "io/base/base64.h"
 #include "io/base/number.h"
 #include "io/formats/stored_number.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

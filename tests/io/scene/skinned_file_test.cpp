@@ -7,8 +7,7 @@
 
 #include "io/formats/geometry_file.h"
 #include "io/scene/weight_file.h"
-#include "tests/support/program.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core
@@ -19,7 +18,8 @@ namespace
 
 using Eigen::Vector3d;
 
-/// A bar along z with two bones, the upper one turned by a quarter about x in a second.
+/// A bar along z, open at its ends, with two bones, the upper one turned by a quarter
+/// about x in a second.
 struct Rig
 {
     Geometry geometry;
@@ -28,14 +28,23 @@ struct Rig
 
     Rig()
     {
-        const Shape bar = support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4);
-        geometry.samples = bar.samples;
-        for (const auto& triangle : bar.triangles)
+        constexpr std::uint32_t kRings = 17;
+        for (std::uint32_t ring = 0; ring < kRings; ++ring)
+            for (const auto& [x, y] :
+                 {std::pair(-0.5, -0.5), {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}})
+                geometry.samples.emplace_back(x, y, 0.25 * ring);
+        const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c)
         {
-            geometry.corners.insert(geometry.corners.end(), triangle.begin(),
-                                    triangle.end());
+            geometry.corners.insert(geometry.corners.end(), {a, b, c});
             geometry.face_ends.push_back(geometry.corners.size());
-        }
+        };
+        for (std::uint32_t low = 0; low < 4 * (kRings - 1); low += 4)
+            for (std::uint32_t k = 0; k < 4; ++k)
+            {
+                const std::uint32_t a = low + k, b = low + (k + 1) % 4;
+                add(a, b, b + 4);
+                add(a, b + 4, a + 4);
+            }
         for (const auto& [name, parent, z] :
              {std::tuple("root", "", 0.0), {"knee", "root", 2.0}, {"foot", "knee", 4.0}})
         {

@@ -6,7 +6,7 @@
 
 #include "io/base/error.h"
 #include "io/formats/stored_number.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -11,6 +11,7 @@
 #include "io/formats/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

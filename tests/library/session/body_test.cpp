@@ -14,6 +14,8 @@
 #include "octree/near_distances.h"
 #include "tests/support/bodies.h"
 #include "tests/support/pot.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 

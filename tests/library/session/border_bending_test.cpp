@@ -14,6 +14,7 @@
 
 #include "library/session/session.h"
 #include "tests/support/rest_model.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

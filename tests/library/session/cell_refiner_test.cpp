@@ -8,7 +8,9 @@
 
 #include "octree/base/index.h"
 #include "solver/cells/refinement.h"
+#include "tests/support/random.h"
 #include "tests/support/rest_model.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

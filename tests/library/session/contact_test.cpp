@@ -15,6 +15,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/self_intersections.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

@@ -11,6 +11,7 @@
 #include "library/session/session.h"
 #include "octree/base/parallel.h"
 #include "tests/support/allocations.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

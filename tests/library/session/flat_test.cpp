@@ -11,6 +11,8 @@
 #include "io/base/number.h"
 #include "io/formats/geometry_file.h"
 #include "library/session/session.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

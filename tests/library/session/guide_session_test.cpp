@@ -8,6 +8,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/segment.h"
 #include "tests/support/sessions.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -6,7 +6,6 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -14,7 +14,9 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
+#include "tests/support/random.h"
 #include "tests/support/sessions.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -15,6 +15,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "tests/support/bodies.h"
+#include "tests/support/files.h"
 #include "tests/support/sessions.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"

@@ -8,6 +8,7 @@
 #include "library/session/cell_system.h"
 #include "octree/base/index.h"
 #include "tests/support/rest_model.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -8,6 +8,7 @@
 
 #include "octree/base/index.h"
 #include "tests/support/rest_model.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "io/formats/geometry_file.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

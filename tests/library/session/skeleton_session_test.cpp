@@ -13,6 +13,7 @@
 #include "octree/base/parallel.h"
 #include "tests/support/bodies.h"
 #include "tests/support/sessions.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

@@ -10,7 +10,7 @@
 
 #include "io/base/bytes.h"
 #include "tests/support/failing_calls.h"
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core

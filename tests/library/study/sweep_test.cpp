@@ -10,6 +10,7 @@
 #include "library/session/memory_limit.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

@@ -9,6 +9,7 @@
 #include "io/formats/geometry_file.h"
 #include "library/session/scene_settings.h"
 #include "library/time/flesh_simulation.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

@@ -13,6 +13,7 @@
 #include "io/formats/geometry_file.h"
 #include "library/session/scene_settings.h"
 #include "library/session/volume.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

@@ -8,6 +8,7 @@
 #include "io/base/error.h"
 #include "io/formats/geometry_file.h"
 #include "library/session/scene_settings.h"
+#include "tests/support/files.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 

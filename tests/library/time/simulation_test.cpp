@@ -12,7 +12,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
+#include "tests/support/files.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core
@@ -990,7 +990,7 @@ TEST(Simulation, a_knot_is_that_knot_while_it_is_pulled_tight_and_loosened)
     for (const std::string name : {"knot", "knot_fixed"})
     {
         Simulation simulation(
-            read_rod_scene(std::string(CELLWARP_SAMPLES) + "/rods/" + name + ".json"));
+            read_rod_scene(support::samples_folder() + "/rods/" + name + ".json"));
         double least = 1.0;
         int most = 0;
         while (simulation.steps_done() < simulation.num_steps())

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core
 {

@@ -8,7 +8,8 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 
 namespace cellwarp::core
 {

@@ -9,7 +9,8 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/half_turn.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 
 namespace cellwarp::core
 {

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/winding.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core
 {

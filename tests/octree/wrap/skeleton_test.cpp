@@ -8,7 +8,8 @@
 #include <unistd.h>
 
 #include "octree/wrap/skeleton_bytes.h"
-#include "tests/support/program.h"
+#include "tests/support/files.h"
+#include "tests/support/process.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 

@@ -9,6 +9,7 @@
 #include "octree/base/parallel.h"
 #include "octree/base/stop_scope.h"
 #include "tests/support/held_body.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

@@ -8,6 +8,8 @@
 
 #include "tests/support/energy_checks.h"
 #include "tests/support/held_body.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

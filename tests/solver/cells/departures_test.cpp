@@ -12,6 +12,7 @@
 #include "solver/field/field.h"
 #include "tests/support/energy_checks.h"
 #include "tests/support/held_body.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

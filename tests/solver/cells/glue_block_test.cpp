@@ -5,7 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 
 namespace cellwarp::core
 {

@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/index.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

@@ -10,6 +10,8 @@
 #include "octree/base/index.h"
 #include "solver/cells/cell_minimizer.h"
 #include "tests/support/held_body.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

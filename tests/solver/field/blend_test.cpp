@@ -7,6 +7,8 @@
 
 #include "octree/base/index.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

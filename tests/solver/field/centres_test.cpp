@@ -5,6 +5,7 @@
 
 #include "solver/field/field.h"
 #include "tests/support/held_cells.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

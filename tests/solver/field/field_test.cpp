@@ -11,6 +11,9 @@
 #include "octree/base/parallel.h"
 #include "tests/support/bodies.h"
 #include "tests/support/counted_stop.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -12,7 +12,7 @@
 
 #include "octree/base/index.h"
 #include "solver/field/blend.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core
 {

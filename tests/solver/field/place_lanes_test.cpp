@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/bodies.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

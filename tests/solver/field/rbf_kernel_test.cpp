@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/index.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core
 {

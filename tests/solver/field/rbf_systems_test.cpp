@@ -9,6 +9,7 @@
 #include "octree/base/parallel.h"
 #include "solver/field/field.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core

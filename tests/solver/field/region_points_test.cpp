@@ -8,6 +8,7 @@
 
 #include "octree/base/index.h"
 #include "tests/support/held_cells.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

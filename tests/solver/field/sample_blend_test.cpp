@@ -12,6 +12,9 @@
 #include "solver/field/turning.h"
 #include "tests/support/allocations.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

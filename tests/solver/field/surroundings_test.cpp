@@ -7,6 +7,7 @@
 
 #include "octree/base/parallel.h"
 #include "tests/support/bodies.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

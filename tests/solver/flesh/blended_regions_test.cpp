@@ -11,6 +11,7 @@
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/flesh.h"
 #include "tests/support/flesh.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

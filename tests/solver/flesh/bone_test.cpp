@@ -6,6 +6,7 @@
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/bone_tube.h"
 #include "tests/support/flesh.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -10,7 +10,7 @@
 
 #include "solver/flesh/flesh.h"
 #include "solver/flesh/leaving_nodes.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core
 {

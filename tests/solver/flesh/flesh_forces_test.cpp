@@ -10,6 +10,9 @@
 #include "solver/flesh/part_points.h"
 #include "tests/support/bodies.h"
 #include "tests/support/flesh.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

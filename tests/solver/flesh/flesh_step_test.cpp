@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/flesh.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -6,6 +6,9 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/flesh.h"
+#include "tests/support/random.h"
+#include "tests/support/random_poses.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

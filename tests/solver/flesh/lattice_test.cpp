@@ -9,6 +9,8 @@
 
 #include "solver/flesh/drawn_cells.h"
 #include "tests/support/flesh.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -8,6 +8,8 @@
 #include "solver/flesh/flesh.h"
 #include "solver/flesh/flesh_forces.h"
 #include "tests/support/flesh.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -10,6 +10,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/flesh.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

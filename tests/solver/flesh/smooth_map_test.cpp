@@ -8,6 +8,8 @@
 
 #include "octree/base/parallel.h"
 #include "tests/support/flesh.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The source's rules for a cell beside those of the program: theory-skeleton 3, 4, 12.
-#include "tests/support/source_rules.h"
+#include "tests/support/random.h"
 
 #include <random>
 
@@ -9,6 +9,7 @@
 
 #include "solver/flesh/large_strain.h"
 #include "tests/support/flesh.h"
+#include "tests/support/source_rules.h"
 
 namespace cellwarp::core
 {

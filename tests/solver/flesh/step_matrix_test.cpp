@@ -5,6 +5,8 @@
 
 #include "solver/flesh/bound_nodes.h"
 #include "tests/support/flesh.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

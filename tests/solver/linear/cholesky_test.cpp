@@ -13,8 +13,8 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/index.h"
+#include "tests/support/random.h"
 #include "tests/support/sanitized.h"
-#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -13,7 +13,7 @@
 #include "octree/base/stop_scope.h"
 #include "tests/support/dense_energy.h"
 #include "tests/support/energy_checks.h"
-#include "tests/support/shapes.h"
+#include "tests/support/random.h"
 
 namespace cellwarp::core
 {

@@ -10,6 +10,8 @@
 #include "library/session/session.h"
 #include "octree/base/index.h"
 #include "tests/support/bodies.h"
+#include "tests/support/random.h"
+#include "tests/support/shapes.h"
 
 namespace cellwarp::core
 {

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "io/base/error.h"
+#include "tests/support/files.h"
 #include "tests/support/program.h"
-#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp::core
