@@ -5,13 +5,16 @@
 #include <memory>
 #include <set>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/progress.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
 #include "io/formats/geometry_file.h"
+#include "library/session/json.h"
 #include "library/session/peak_memory.h"
 #include "library/stream/apply.h"
 #include "octree/base/clock.h"

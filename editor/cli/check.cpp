@@ -3,15 +3,18 @@
 #include <algorithm>
 #include <memory>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
 #include "editor/cli/rods_json.h"
+#include "editor/cli/session_flags.h"
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
 #include "io/scene/scene_file.h"
 #include "io/scene/time_settings.h"
 #include "library/session/body.h"
+#include "library/session/json.h"
 #include "library/session/session_json.h"
 #include "library/time/in_time.h"
 #include "octree/self_intersections.h"

@@ -5,11 +5,14 @@
 #include <memory>
 #include <optional>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
 #include "editor/cli/output_name.h"
+#include "editor/cli/progress.h"
 #include "editor/cli/rods_json.h"
+#include "editor/cli/session_flags.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
@@ -17,8 +20,10 @@
 #include "io/formats/geometry_file.h"
 #include "io/formats/geometry_output.h"
 #include "library/session/body.h"
+#include "library/session/json.h"
 #include "library/session/pass_through.h"
 #include "library/session/peak_memory.h"
+#include "library/session/sample_normals.h"
 #include "library/session/session_json.h"
 #include "library/session/volume.h"
 #include "library/study/sweep.h"

@@ -7,6 +7,8 @@
 
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
+
 #include "editor/cli/command.h"
 #include "io/base/error.h"
 #include "octree/base/helper.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The commands of the optional parts that this build has.
 #include "editor/cli/command.h"
+#include "editor/cli/pictures.h"
 
 #ifdef CELLWARP_WITH_PICTURE
 #include "editor/cli/render.h"

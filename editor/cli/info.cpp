@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 
+#include <CLI/CLI.hpp>
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
@@ -15,10 +16,12 @@
 #include "io/scene/handle_file.h"
 #include "io/scene/scene_file.h"
 #include "library/session/deformation.h"
+#include "library/session/json.h"
 #include "library/session/limbs.h"
 #include "library/session/scene_script.h"
 #include "library/session/session_json.h"
 #include "library/study/sweep.h"
+#include "library/time/in_time.h"
 
 namespace cellwarp::core
 {

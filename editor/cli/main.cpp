@@ -14,6 +14,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
@@ -23,6 +24,7 @@
 #include "io/base/near_word.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
+#include "library/session/json.h"
 #include "octree/base/parallel.h"
 
 namespace

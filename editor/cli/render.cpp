@@ -5,10 +5,14 @@
 #include <memory>
 #include <utility>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include "editor/cli/film.h"
+#include "editor/cli/session_flags.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
+#include "io/base/output_set.h"
 #include "io/base/text.h"
 #include "io/formats/geometry_file.h"
 #include "library/picture/figures.h"

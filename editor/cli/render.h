@@ -3,6 +3,7 @@
 #pragma once
 
 #include "editor/cli/command.h"
+#include "editor/cli/pictures.h"
 
 namespace cellwarp::core
 {

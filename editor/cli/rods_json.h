@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "editor/cli/command.h"
+#include "library/session/json.h"
 #include "library/session/rod_report.h"
 
 namespace cellwarp::core

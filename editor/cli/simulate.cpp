@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <optional>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/film.h"
 #include "editor/cli/output_name.h"
+#include "editor/cli/progress.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
@@ -14,7 +17,9 @@
 #include "io/formats/geometry_file.h"
 #include "io/formats/geometry_output.h"
 #include "io/formats/plain_mesh.h"
+#include "library/session/json.h"
 #include "library/session/peak_memory.h"
+#include "library/session/sample_normals.h"
 #include "library/time/in_time.h"
 #include "octree/base/clock.h"
 

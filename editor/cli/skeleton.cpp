@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <memory>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "editor/cli/skin_shares.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
+#include "io/base/output_set.h"
 #include "io/base/relative_name.h"
 #include "io/base/text.h"
 #include "io/formats/geometry_file.h"

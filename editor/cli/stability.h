@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "editor/cli/command.h"
 #include "editor/cli/stability_scenes.h"
+#include "library/session/json.h"
 
 namespace cellwarp::core
 {

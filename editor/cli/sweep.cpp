@@ -6,11 +6,15 @@
 #include <functional>
 #include <memory>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "editor/cli/command.h"
 #include "editor/cli/machine.h"
+#include "editor/cli/pictures.h"
+#include "editor/cli/progress.h"
+#include "editor/cli/session_flags.h"
 #include "editor/cli/stability.h"
 #include "editor/cli/sweep_page.h"
 #include "editor/cli/sweep_report.h"
@@ -18,6 +22,7 @@
 #include "io/base/number.h"
 #include "io/base/text.h"
 #include "io/scene/time_settings.h"
+#include "library/session/json.h"
 #include "library/time/in_time.h"
 #include "octree/base/helper.h"
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "editor/cli/command.h"
 #include "editor/cli/machine.h"
+#include "library/session/json.h"
 #include "library/study/convergence.h"
 #include "library/study/sweep.h"
 

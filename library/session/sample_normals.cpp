@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 
+#include "io/base/text.h"
 #include "octree/base/parallel.h"
 
 namespace cellwarp::core
@@ -93,6 +94,14 @@ normals_of_smooth(const Geometry& geometry)
         return {};
     return [&geometry](std::span<const Eigen::Vector3d> samples)
     { return sample_normals(geometry, samples); };
+}
+
+std::function<std::vector<Eigen::Vector3d>(std::span<const Eigen::Vector3d>)>
+normals_to_write(const std::string& output, const Geometry& geometry)
+{
+    if (extension_of(output) == "glb")
+        return normals_of_smooth(geometry);
+    return {};
 }
 
 } // namespace cellwarp::core

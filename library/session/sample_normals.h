@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -26,5 +27,10 @@ bool is_smooth(const Geometry& geometry);
 /// a reference to \p geometry.
 std::function<std::vector<Eigen::Vector3d>(std::span<const Eigen::Vector3d>)>
 normals_of_smooth(const Geometry& geometry);
+
+/// normals_of_smooth() where \p output is a .glb, which shows a surface without normals
+/// with edges; none for other formats. Keeps a reference to \p geometry.
+std::function<std::vector<Eigen::Vector3d>(std::span<const Eigen::Vector3d>)>
+normals_to_write(const std::string& output, const Geometry& geometry);
 
 } // namespace cellwarp::core

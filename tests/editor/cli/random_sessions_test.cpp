@@ -11,7 +11,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "editor/cli/command.h"
+#include "editor/cli/session_flags.h"
 #include "io/base/error.h"
 #include "io/formats/geometry_file.h"
 #include "library/session/session.h"

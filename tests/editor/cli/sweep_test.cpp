@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "editor/cli/pictures.h"
 #include "editor/cli/sweep_page.h"
 #include "io/base/number.h"
 #include "io/formats/geometry_file.h"
