@@ -7,6 +7,8 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <set>
@@ -91,14 +93,18 @@ std::string resolve(const std::string& path)
                               : (fs::path(path).parent_path() / link).string();
 }
 
-/// What new files may not be; asked once, because asking sets it for a moment.
+/// The rights that new files do not get. umask() would set the mask to return it, for all
+/// threads of the process: the kernel's list has it without. 022 where there is no list.
 mode_t file_mask()
 {
     static const mode_t mask = []
     {
-        const mode_t old = ::umask(0);
-        ::umask(old);
-        return old;
+        std::ifstream status("/proc/self/status");
+        std::string key;
+        unsigned value = 022;
+        while (status >> key && key != "Umask:")
+            status.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
+        return status >> std::oct >> value ? mode_t(value) : mode_t(022);
     }();
     return mask;
 }

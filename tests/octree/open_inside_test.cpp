@@ -68,7 +68,7 @@ bool is_inside(const Found& of, const Vector3d& x)
 TEST(OpenInside, fine_voxels_enclose_what_larger_ones_do)
 {
     // A box with small openings all over.
-    const Vector3d size(1.0, 0.7, 0.5);
+    const Vector3d size(1.0, 0.3, 0.2);
     const Shape shape = opened(support::box_shape({0, 0, 0}, size, 24), 40);
     for (const bool has_votes : {true, false})
     {
@@ -81,8 +81,8 @@ TEST(OpenInside, fine_voxels_enclose_what_larger_ones_do)
         EXPECT_EQ(fine.inside.method,
                   has_votes ? InsideMethod::Votes : InsideMethod::Flood);
         // Both leave out the voxels at the surface: large ones more of them.
-        EXPECT_NEAR(volume(coarse), 0.35, 0.03);
-        EXPECT_NEAR(volume(fine), 0.35, 0.01);
+        EXPECT_NEAR(volume(coarse), 0.06, 0.006);
+        EXPECT_NEAR(volume(fine), 0.06, 0.002);
         EXPECT_GT(volume(fine), volume(coarse));
         // The same opening in voxels of either size.
         EXPECT_NEAR(fine.inside.flood_radius * fine.grid.shape().voxel(),
@@ -96,18 +96,18 @@ TEST(OpenInside, fine_voxels_enclose_what_larger_ones_do)
 TEST(OpenInside, the_space_between_parts_is_outside_however_narrow)
 {
     // Two boxes with a slit between that is narrower than a large voxel.
-    constexpr double kSlit = 0.004;
-    const Vector3d size(1.0 + kSlit, 0.6, 0.6);
+    constexpr double kSlit = 0.003;
+    const Vector3d size(1.0 + kSlit, 0.2, 0.2);
     const Shape shape =
-        opened(support::joined(support::box_shape({0, 0, 0}, {0.5, 0.6, 0.6}, 20),
+        opened(support::joined(support::box_shape({0, 0, 0}, {0.5, 0.2, 0.2}, 20),
                                support::box_shape({0.5 + kSlit, 0, 0}, size, 20)),
                50);
     const double diagonal = size.norm();
     ASSERT_LT(kSlit / diagonal, 0.0033);
     const Found fine = found(shape, size, 0.0008, true);
     ASSERT_GE(inside_scale(fine.grid.shape()), 4);
-    for (double y = 0.05; y < 0.6; y += 0.05)
-        for (double z = 0.05; z < 0.6; z += 0.05)
+    for (double y = 0.02; y < 0.19; y += 0.02)
+        for (double z = 0.02; z < 0.19; z += 0.02)
         {
             EXPECT_FALSE(is_inside(fine, {0.5 + 0.5 * kSlit, y, z})) << y << " " << z;
             EXPECT_TRUE(is_inside(fine, {0.45, y, z}));

@@ -262,6 +262,18 @@ TEST(Process, permissions_hold_and_are_named)
     EXPECT_TRUE(contains(result.err, "bar.obj: cannot open: Permission denied"));
 }
 
+TEST(Process, new_outputs_have_the_rights_that_the_mask_leaves)
+{
+    for (const mode_t mask : {0027u, 0000u, 0077u})
+    {
+        const BarFiles files;
+        ASSERT_EQ(files.deform({}, [mask] { ::umask(mask); }).code, 0);
+        struct stat status;
+        ASSERT_EQ(::stat(files.out.c_str(), &status), 0);
+        EXPECT_EQ(status.st_mode & 0777, 0666 & ~mask);
+    }
+}
+
 TEST(Process, a_path_that_leads_nowhere_is_a_file_error_with_the_reason)
 {
     const BarFiles files;
