@@ -42,11 +42,27 @@ void check_flag(const std::string& flag, const std::string& given, const OneOf& 
 
 void check_flag(const std::string&, bool, YesOrNo) {}
 
-/// "--max-depth" of "max_depth".
-std::string flag_of(std::string key)
+/// The flag of a setting.
+template <class Value>
+void add_setting(CLI::App& app, const SettingText& text, const Usual<Value>& usual,
+                 std::optional<Value>& value)
 {
-    std::replace(key.begin(), key.end(), '_', '-');
-    return "--" + key;
+    const std::string help =
+        fmt::format("{} (default {})", text.help_with_unit(), usual.in_words());
+    if constexpr (std::is_same_v<Value, bool>)
+    {
+        const auto flag_to =
+            [&](const std::string& flag, const std::string& what, bool to)
+        {
+            return app.add_flag_function(
+                flag, [&value, to](std::int64_t) { value = to; }, what);
+        };
+        CLI::Option* const yes = flag_to(text.flag(), help, true);
+        if (*text.help_of_no != 0)
+            yes->excludes(flag_to(text.flag("--no-"), text.help_of_no, false));
+    }
+    else
+        app.add_option(text.flag(), value, help);
 }
 
 } // namespace
@@ -75,59 +91,13 @@ counterclockwise, seen with the axis pointing at you.
     app.add_option("--def", def, "handle matrix of the deformation survey (with --sel)");
     app.add_flag("--preview", is_preview,
                  "stop at the drag-quality field (closest-cell blend)");
-    app.add_option(
-        "--across", settings.cells.across,
-        "coarsest cells along the longest side (default: so many that there are "
-        "1,000 to 2,500 cells)");
-    app.add_option("--max-depth", settings.cells.max_depth,
-                   fmt::format("splits below the coarsest cells, at the most (default "
-                               "{})",
-                               kUsualDepth));
-    app.add_option(
-        "--threshold", settings.cells.threshold,
-        fmt::format(
-            "cells whose error is larger are split, of the diagonal; 0: all, down "
-            "to --max-depth (default {}; {} with --energy botsch07)",
-            kUsualThreshold, kUsualGap));
-    app.add_option(
-        "--fill", settings.cells.fill,
-        "solid, shell, or closed: solid, with lids over all openings of a mesh "
-        "(default solid, which closes narrow ones)");
-    app.add_option(
-        "--gap", settings.cells.gap,
-        fmt::format("parts farther apart than this, of the diagonal, are never "
-                    "glued (default {})",
-                    defaults.cells.gap));
-    app.add_option(
-        "--thickness", settings.cells.thickness,
-        fmt::format("of shells and open sheets, of the diagonal; solids ignore "
-                    "it (default {})",
-                    defaults.cells.thickness));
-    app.add_option(
-        "--loose", settings.cells.loose,
-        "follow or stay: a part that no region holds goes with the part nearest to it, "
-        "or keeps its place (default follow; stay with --energy botsch07)");
-    app.add_flag_function(
-        "--join", [this](std::int64_t) { settings.cells.join = true; },
-        "closed parts of a mesh that touch or overlap at rest are one material (default: "
-        "each is its own)");
-    app.add_flag_function(
-           "--flat", [this](std::int64_t) { settings.cells.flat = true; },
-           "all samples lie in a plane and all moves keep it: cells have three unknowns, "
-           "and nothing leaves the plane (default: where the samples lie in a plane that "
-           "the first frame that moves something keeps; not with --energy botsch07)")
-        ->excludes(app.add_flag_function(
-            "--no-flat", [this](std::int64_t) { settings.cells.flat = false; },
-            "a flat model bends in space, like a sheet of paper"));
-    app.add_flag_function(
-        "--contact", [this](std::int64_t) { settings.cells.contact = true; },
-        "parts that come to touch do not pass through each other: the cells of one stay "
-        "out of those of the other");
-    app.add_option("--max-cells", settings.cells.max_cells,
-                   fmt::format("most cells (default {})", defaults.cells.max_cells));
-    app.add_option("--energy", settings.energy,
-                   "cellwarp, or botsch07: the paper's own method as a whole, its "
-                   "fields and solver among it (default cellwarp)");
+    visit_settings(
+        [&](const SettingText& text, const auto&, const auto& usual, auto& value)
+        {
+            if (text.has_flag)
+                add_setting(app, text, usual, value);
+        },
+        settings);
     app.add_option(
         "--solver", solver,
         "newton, gauss-newton or gauss-newton-direct, which factorises in each "
@@ -159,10 +129,10 @@ SessionRequest read_request(const SessionFlags& flags, ForTime for_time)
     if (flags.script.is_lost())
         throw Error(Fault::Usage, "--relative goes with --fix, --handle and --move");
     visit_settings(
-        [](const char*, const char* key, const auto& allowed, const auto& given)
+        [](const SettingText& text, const auto& allowed, const auto&, const auto& given)
         {
             if (given)
-                check_flag(flag_of(key), *given, allowed);
+                check_flag(text.flag(), *given, allowed);
         },
         flags.settings);
     SceneChanges changes;

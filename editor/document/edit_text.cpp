@@ -55,8 +55,8 @@ void get(const Json& json, const char* key, std::optional<Value>& value)
 Json json_of(const SceneSettings& settings)
 {
     Json json = Json::object();
-    visit_settings([&](const char*, const char* key, const auto&, const auto& value)
-                   { put(json, key, value); },
+    visit_settings([&](const SettingText& text, const auto&, const auto&,
+                       const auto& value) { put(json, text.key, value); },
                    settings);
     return json;
 }
@@ -64,8 +64,8 @@ Json json_of(const SceneSettings& settings)
 SceneSettings settings_of(const Json& json)
 {
     SceneSettings settings;
-    visit_settings([&](const char*, const char* key, const auto&, auto& value)
-                   { get(json, key, value); },
+    visit_settings([&](const SettingText& text, const auto&, const auto&, auto& value)
+                   { get(json, text.key, value); },
                    settings);
     return settings;
 }

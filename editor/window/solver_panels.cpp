@@ -2,10 +2,13 @@
 // Cells, release field and solver: their settings, and what they reached.
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include <imgui.h>
 
@@ -13,6 +16,7 @@
 #include "editor/window/style.h"
 #include "editor/window/warning_words.h"
 #include "editor/window/widgets.h"
+#include "io/scene/scene_settings.h"
 
 namespace cellwarp::core
 {
@@ -23,39 +27,35 @@ namespace
 constexpr std::size_t kPlotPoints = 96;
 constexpr std::size_t kWarningsShown = 3;
 
+/// A value of a setting and its name; nothing: the default.
 template <class Value>
 struct Choice
 {
-    std::optional<Value> value; ///< of the scene file; nothing: its default
-    const char* name;
+    std::optional<Value> value;
+    std::string name;
 };
-using Word = Choice<const char*>;
 
 /// A combo of values that may be left to the default.
-template <class Value, class Given, std::size_t count>
+template <class Value>
 bool show_choice(const char* name, std::optional<Value>& value,
-                 const std::array<Choice<Given>, count>& choices)
+                 const std::vector<Choice<Value>>& choices)
 {
     label(name);
-    const auto is_chosen = [&](const Choice<Given>& choice)
-    { return choice.value ? value == *choice.value : !value; };
-    const char* now = "";
-    for (const Choice<Given>& choice : choices)
-        if (is_chosen(choice))
-            now = choice.name;
+    const auto chosen =
+        std::find_if(choices.begin(), choices.end(),
+                     [&](const Choice<Value>& choice) { return choice.value == value; });
     bool changed = false;
     ImGui::SetNextItemWidth(-1);
     ImGui::PushID(name);
-    if (ImGui::BeginCombo("##choice", now))
+    if (ImGui::BeginCombo("##choice",
+                          chosen == choices.end() ? "" : chosen->name.c_str()))
     {
-        for (const Choice<Given>& choice : choices)
+        for (const Choice<Value>& choice : choices)
         {
-            const bool was_chosen = is_chosen(choice);
-            if (ImGui::Selectable(choice.name, was_chosen) && !was_chosen)
+            const bool was_chosen = choice.value == value;
+            if (ImGui::Selectable(choice.name.c_str(), was_chosen) && !was_chosen)
             {
-                value.reset();
-                if (choice.value)
-                    value.emplace(*choice.value);
+                value = choice.value;
                 changed = true;
             }
             if (was_chosen && ImGui::IsWindowAppearing())
@@ -107,6 +107,80 @@ Typed show_number(const char* name, std::optional<Number>& value, const char* hi
     ImGui::PopID();
     tip(explanation);
     return typed;
+}
+
+/// What the fields of settings did in this frame.
+struct Asked
+{
+    bool is_typing = false, is_done = false;
+};
+
+std::string with_capital(std::string text)
+{
+    text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+    return text;
+}
+
+/// Fields of settings, by the kind of their values.
+template <class Number>
+void show_setting(const SettingText& text, const Between<Number>&,
+                  const Usual<Number>& usual, std::optional<Number>& value, Asked& asked)
+{
+    const std::string hint = usual.value ? usual.in_words() + " (default)" : "by itself";
+    const Typed typed = show_number(text.label, value, hint.c_str(),
+                                    with_capital(text.help_with_unit()).c_str());
+    asked.is_typing |= typed.is_typing;
+    asked.is_done |= typed.is_done;
+}
+
+void show_setting(const SettingText& text, const OneOf& allowed,
+                  const Usual<std::string>& usual, std::optional<std::string>& value,
+                  Asked& asked)
+{
+    std::vector<Choice<std::string>> choices(1);
+    for (const char* word : allowed.words)
+    {
+        const char* const name = text.names.at(choices.size() - 1);
+        if (usual.value == word)
+            choices[0].name = std::string(name) + " (default)";
+        choices.push_back({word, name});
+    }
+    asked.is_done |= show_choice(text.label, value, choices);
+    tip(with_capital(text.help_with_unit()).c_str());
+}
+
+/// A box to check where the default is no, a choice of three where the model decides.
+void show_setting(const SettingText& text, YesOrNo, const Usual<bool>& usual,
+                  std::optional<bool>& value, Asked& asked)
+{
+    if (!usual.value)
+    {
+        const std::vector<Choice<bool>> choices = {{std::nullopt, "By itself (default)"},
+                                                   {true, text.names[0]},
+                                                   {false, text.names[1]}};
+        asked.is_done |= show_choice(text.label, value, choices);
+    }
+    else if (bool is_on = value.value_or(*usual.value);
+             ImGui::Checkbox(text.label, &is_on))
+    {
+        value = is_on == *usual.value ? std::nullopt : std::optional(is_on);
+        asked.is_done = true;
+    }
+    tip(with_capital(text.help_with_unit()).c_str());
+}
+
+/// All settings of one section of the scene file.
+Asked show_settings(std::string_view section, SceneSettings& settings)
+{
+    Asked asked;
+    visit_settings(
+        [&](const SettingText& text, const auto& allowed, const auto& usual, auto& value)
+        {
+            if (text.section == section)
+                show_setting(text, allowed, usual, value, asked);
+        },
+        settings);
+    return asked;
 }
 
 /// What the document's settings are, or what is being typed instead.
@@ -284,55 +358,12 @@ void show_cells_panel(EditorApp& app, PanelState& state)
     show_cell_counts(status);
     ImGui::BeginDisabled(app.opened()->hand.is_busy());
     SceneSettings& settings = settings_in_hand(app, state);
-    bool is_done = false, is_typing = false;
-    const auto take = [&](Typed typed)
-    {
-        is_done |= typed.is_done;
-        is_typing |= typed.is_typing;
-    };
-    const std::string across =
-        status.across > 0 ? std::to_string(status.across) + " (by itself)" : "by itself";
-    take(show_number("Across", settings.cells.across, across.c_str(),
-                     "Coarsest cells along the longest side"));
-    take(show_number("Threshold", settings.cells.threshold, "by itself",
-                     "Cells split whose error is larger, relative to the diagonal"));
-    take(show_number("Depth", settings.cells.max_depth, "by itself",
-                     "How often a coarsest cell may be halved"));
-    take(show_number("Gap", settings.cells.gap, "0.008 (default)",
-                     "Parts farther apart than this are never glued, relative to the "
-                     "diagonal"));
-    constexpr std::array<Word, 4> kFills = {{{std::nullopt, "Solid (default)"},
-                                             {"solid", "Solid"},
-                                             {"closed", "Solid, openings closed"},
-                                             {"shell", "Shell"}}};
-    is_done |= show_choice("Fill", settings.cells.fill, kFills);
-    constexpr std::array<Word, 3> kLoose = {
-        {{std::nullopt, "Follow (default)"}, {"follow", "Follow"}, {"stay", "Stay"}}};
-    is_done |= show_choice("Loose parts", settings.cells.loose, kLoose);
-    if (bool joins = settings.cells.join.value_or(false);
-        ImGui::Checkbox("Join parts that touch", &joins))
-    {
-        settings.cells.join = joins ? std::optional(true) : std::nullopt;
-        is_done = true;
-    }
-    tip("Closed parts of a mesh that touch or overlap at rest are one material; else "
-        "each "
-        "is its own");
-    constexpr std::array<Choice<bool>, 3> kFlat = {
-        {{std::nullopt, "In its plane, if moves keep it (default)"},
-         {true, "In its plane"},
-         {false, "In space"}}};
-    is_done |= show_choice("A flat model bends", settings.cells.flat, kFlat);
-    if (bool touches = settings.cells.contact.value_or(false);
-        ImGui::Checkbox("Contact", &touches))
-    {
-        settings.cells.contact = touches ? std::optional(true) : std::nullopt;
-        is_done = true;
-    }
-    tip("Parts that come to touch do not pass through each other");
+    if (status.across > 0 && !settings.cells.across)
+        faint_text("Across: " + std::to_string(status.across) + ", by itself");
+    const Asked asked = show_settings("cells", settings);
     ImGui::EndDisabled();
-    state.types_settings = is_typing;
-    if (is_done)
+    state.types_settings = asked.is_typing;
+    if (asked.is_done)
     {
         const SceneSettings wanted = settings;
         state.types_settings = false;
@@ -347,16 +378,8 @@ void show_field_panel(EditorApp& app)
     if (!section("Field", false))
         return;
     SceneSettings settings = app.document().settings();
-    constexpr std::array<Word, 4> kReleases = {{{std::nullopt, "Smooth (default)"},
-                                                {"rbf", "Smooth, local fits"},
-                                                {"rbf-global", "Smooth, one global fit"},
-                                                {"blend", "Blend of closest cells"}}};
-    constexpr std::array<Word, 3> kDrags = {{{std::nullopt, "Blend (default)"},
-                                             {"blend", "Blend of near cells"},
-                                             {"closest4", "Four closest cells"}}};
     ImGui::BeginDisabled(app.opened()->hand.is_busy());
-    bool changed = show_choice("Released", settings.field.release, kReleases);
-    changed |= show_choice("Dragged", settings.field.drag, kDrags);
+    const Asked asked = show_settings("field", settings);
     ImGui::EndDisabled();
     const SolveStatus status = app.opened()->editing.status();
     if (status.centres > 0)
@@ -366,7 +389,7 @@ void show_field_panel(EditorApp& app)
                  ? " in " + counted(static_cast<std::int64_t>(status.clusters), "cluster",
                                     "clusters")
                  : std::string()));
-    if (changed)
+    if (asked.is_done)
         app.attempt(Place::Field, [&] { app.document().change_settings(settings); });
     const ExportStatus written = app.opened()->editing.export_status();
     if (written.state == ExportStatus::State::Working)

@@ -20,10 +20,10 @@ namespace
 void read_settings(JsonObject& object, std::string_view section, SceneSettings& settings)
 {
     visit_settings(
-        [&](std::string_view in, const char* key, const auto& allowed, auto& value)
+        [&](const SettingText& text, const auto& allowed, const auto&, auto& value)
         {
-            if (in == section)
-                object.read(key, allowed, value);
+            if (text.section == section)
+                object.read(text.key, allowed, value);
         },
         settings);
 }
@@ -158,8 +158,9 @@ std::string scene_text(const SceneFile& scene)
     else
         json["handles"] = relative_name(scene.path, scene.handles);
     visit_settings(
-        [&](const std::string& section, const char* key, const auto&, const auto& value)
+        [&](const SettingText& text, const auto&, const auto&, const auto& value)
         {
+            const std::string section = text.section, key = text.key;
             if (value)
                 (section.empty() ? json : object_in(json, section))[key] = *value;
             else if (section.empty())

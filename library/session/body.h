@@ -30,13 +30,6 @@ namespace cellwarp::core
 
 class CellSystem;
 
-/// What a scene gets that asks for nothing else: from the curves of `sweep`, where the
-/// error of the samples is worth the seconds.
-inline constexpr double kUsualThreshold = 2e-3;
-inline constexpr int kUsualDepth = 2;
-/// The same where gaps between cells are the error: they are larger.
-inline constexpr double kUsualGap = 1e-2;
-
 struct CellSettings
 {
     Fill fill = Fill::Solid;

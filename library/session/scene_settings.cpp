@@ -18,30 +18,32 @@ void use(const Departures& departures, SessionSettings& settings)
 
 SessionSettings settings_of(const SceneFile& scene, bool is_preview)
 {
+    const SceneSettings stated = with_usual_values(scene.settings);
+    const bool is_paper = stated.energy == "botsch07";
     SessionSettings settings;
     CellSettings& cells = settings.cells;
-    cells.fill = scene.settings.cells.fill == "shell" ? Fill::Shell : Fill::Solid;
-    cells.has_lids = scene.settings.cells.fill == "closed";
-    cells.across = static_cast<int>(scene.settings.cells.across.value_or(cells.across));
-    cells.max_depth =
-        static_cast<int>(scene.settings.cells.max_depth.value_or(kUsualDepth));
-    const bool is_paper = scene.settings.energy == "botsch07";
-    cells.threshold =
-        scene.settings.cells.threshold.value_or(is_paper ? kUsualGap : kUsualThreshold);
-    if (cells.threshold == 0.0)
-        cells.min_depth = cells.max_depth;
-    cells.gap = scene.settings.cells.gap.value_or(cells.gap);
-    cells.thickness = scene.settings.cells.thickness.value_or(cells.thickness);
-    cells.is_flat = scene.settings.cells.flat;
-    if (is_paper && !cells.is_flat)
-        cells.is_flat = false; // a plane that is kept is none of its method
-    cells.loose_follow =
-        scene.settings.cells.loose.value_or(is_paper ? "stay" : "follow") == "follow";
-    cells.joins_parts = scene.settings.cells.join.value_or(cells.joins_parts);
-    cells.has_contact = scene.settings.cells.contact.value_or(cells.has_contact);
-    cells.max_cells = scene.settings.cells.max_cells.value_or(cells.max_cells);
+    cells.fill = stated.cells.fill == "shell" ? Fill::Shell : Fill::Solid;
+    cells.has_lids = stated.cells.fill == "closed";
+    cells.across = static_cast<int>(stated.cells.across.value_or(cells.across));
+    cells.max_depth = static_cast<int>(*stated.cells.max_depth);
+    cells.threshold = *stated.cells.threshold;
+    cells.gap = *stated.cells.gap;
+    cells.thickness = *stated.cells.thickness;
+    cells.is_flat = stated.cells.flat;
+    cells.loose_follow = stated.cells.loose == "follow";
+    cells.joins_parts = *stated.cells.join;
+    cells.has_contact = *stated.cells.contact;
+    cells.max_cells = *stated.cells.max_cells;
     cells.frame = scene.frame;
     cells.frame_file = scene.path;
+    if (is_paper) // defaults of the paper's method
+    {
+        cells.threshold = scene.settings.cells.threshold.value_or(kUsualGap);
+        cells.loose_follow = scene.settings.cells.loose == "follow";
+        cells.is_flat = cells.is_flat.value_or(false); // it keeps no plane
+    }
+    if (cells.threshold == 0.0)
+        cells.min_depth = cells.max_depth;
     if (is_paper)
         use(kBotsch07, settings);
     const Departures& departures = settings.departures;

@@ -40,7 +40,8 @@ SessionRequest request_of(const std::string& input, ForTime for_time,
             request.warnings.push_back(*parted);
 
     visit_settings(
-        [](const char*, const char*, const auto&, const auto& given, auto& in_scene)
+        [](const SettingText&, const auto&, const auto&, const auto& given,
+           auto& in_scene)
         {
             if (given)
                 in_scene = given;
