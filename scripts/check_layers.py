@@ -113,15 +113,7 @@ LIBRARIES = {
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
-OPTIONAL = {"solver/flesh": {"library/time", "solver/joined"},
-            "solver/joined": {"library/time"},
-            "solver/rods": {"library/session/spline_handle.cpp", "library/time",
-                            "solver/contact", "solver/coupled"},
-            "solver/skeleton": {"library/session/skeleton_handle.cpp", "library/time"},
-            "solver/coupled": {"library/session/spline_handle.cpp",
-                               "library/session/pushing_splines.cpp"},
-            "library/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp", "editor/tools",
-                                "editor/window"},
+OPTIONAL = {"library/picture": {"editor/cli/render.cpp", "editor/tools", "editor/window"},
             "io/import": {"io/formats/geometry_file.cpp"},
             "octree/wrap": {"octree/winding.cpp", "octree/curve_graph.h",
                             "octree/closed_surface.cpp", "octree/curve_graph.cpp",

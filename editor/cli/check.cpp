@@ -78,7 +78,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     if (!request.handles)
         request.handles.emplace();
     const std::optional<FleshFacts> flesh =
-        flesh_in_time(flags.model, *request.handles, *geometry, request.settings.cells);
+        facts_of_flesh(flags.model, *request.handles, *geometry, request.settings.cells);
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();

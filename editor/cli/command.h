@@ -40,8 +40,9 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);
 /// Without an exit code: the editor's own takes its place.
 void add_edit(CLI::App& app, CommonFlags& common);
-/// The subcommands that this build has beyond those: editor/cli/features.cpp.
-void add_features(CLI::App& app, CommonFlags& common, int& exit_code);
+/// Adds nothing in a build without pictures (no_render.cpp).
+void add_render(CLI::App& app, CommonFlags& common, int& exit_code);
+void add_skeleton(CLI::App& app, CommonFlags& common, int& exit_code);
 
 /// Exit code: some frame did not converge.
 inline constexpr int kNotConverged = 7;

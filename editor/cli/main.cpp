@@ -251,7 +251,9 @@ int run(const std::vector<std::string>& words)
     add_check(app, common, exit_code);
     add_sweep(app, common, exit_code);
     add_edit(app, common);
-    add_features(app, common, exit_code);
+    add_render(app, common, exit_code);
+    add_simulate(app, common, exit_code);
+    add_skeleton(app, common, exit_code);
     for (CLI::App* command : app.get_subcommands({}))
         command->footer(
             command->get_footer() +

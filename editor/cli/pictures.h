@@ -24,7 +24,7 @@ struct Pictures
         add;
     std::function<std::string()> png; ///< a file's bytes
 };
-/// Nothing in a build without pictures: editor/cli/features.cpp.
+/// Nothing in a build without pictures (no_render.cpp).
 std::optional<Pictures> make_pictures();
 
 } // namespace cellwarp::core

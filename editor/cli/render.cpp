@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "editor/cli/render.h"
+#include "editor/cli/command.h"
 
 #include <filesystem>
 #include <memory>
@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/film.h"
+#include "editor/cli/pictures.h"
 #include "editor/cli/session_flags.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
@@ -245,7 +246,7 @@ constexpr int kReportWidth = 560, kReportHeight = 480;
 
 } // namespace
 
-Pictures rendered_pictures()
+std::optional<Pictures> make_pictures()
 {
     const auto figures = std::make_shared<std::vector<Figure>>();
     const auto add = [figures](const Session& session,
@@ -263,7 +264,7 @@ Pictures rendered_pictures()
         options.height = kReportHeight;
         return png_bytes(draw(*figures, options));
     };
-    return {add, png};
+    return Pictures{add, png};
 }
 
 void add_render(CLI::App& app, CommonFlags& common, int& exit_code)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "editor/cli/skeleton.h"
+#include "editor/cli/command.h"
 
 #include <algorithm>
 #include <memory>

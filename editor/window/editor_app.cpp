@@ -368,7 +368,7 @@ void EditorApp::stop_playing()
 
 bool EditorApp::can_live() const
 {
-    if (!opened_ || !plays_flesh())
+    if (!opened_)
         return false;
     const SceneFile& scene = std::as_const(opened_->editing).document().scene();
     return scene.time && !scene.has_rods;

@@ -141,8 +141,7 @@ struct Film::State
 bool Film::is_in(const Document& document)
 {
     const SceneFile& scene = document.scene();
-    return (scene.has_carriers && plays_rods()) ||
-           (scene.time && (scene.has_rods ? plays_joined() : plays_flesh()));
+    return scene.has_carriers || scene.time;
 }
 
 std::string Film::poses_of(const Document& document)

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Where the frames of a film come from: each kind of scene has a file of its own, and one
-// that stands for it in builds without it.
+// Where the frames of a film come from: each kind of scene has a file of its own.
 #pragma once
 
 #include <cstdint>
@@ -41,17 +40,15 @@ public:
     virtual std::vector<ShownLine> lines(const WorkFrame& view) const = 0;
 };
 
-bool plays_rods(); ///< in this build
 std::unique_ptr<FilmSource> film_of_rods(const FilmScene& scene);
 
 /// Rods as they are now; \p unit: of the model [m].
 std::vector<ShownLine> shown_rods(const Simulation& simulation, double unit,
                                   const WorkFrame& view);
 
-bool plays_flesh();
 std::unique_ptr<FilmSource> film_of_flesh(const FilmScene& scene);
 
-bool plays_joined(); ///< flesh with rods, bodies and nets
+/// Flesh with rods, bodies and nets.
 std::unique_ptr<FilmSource> film_of_joined(const FilmScene& scene);
 
 } // namespace cellwarp::core

@@ -64,11 +64,6 @@ private:
 
 } // namespace
 
-bool plays_flesh()
-{
-    return true;
-}
-
 std::unique_ptr<FilmSource> film_of_flesh(const FilmScene& scene)
 {
     return std::make_unique<FleshFilm>(scene);

@@ -57,11 +57,6 @@ private:
 
 } // namespace
 
-bool plays_joined()
-{
-    return true;
-}
-
 std::unique_ptr<FilmSource> film_of_joined(const FilmScene& scene)
 {
     return std::make_unique<JoinedFilm>(scene);

@@ -17,8 +17,7 @@ namespace cellwarp::core
 class LiveFlesh final : public FleshPuller
 {
 public:
-    /// Begins at frame 0 of a document as it is now. \pre plays_flesh(), and its scene
-    /// has a time
+    /// Begins at frame 0 of a document as it is now. \pre Its scene has a time
     explicit LiveFlesh(const Editing& editing);
     /// Ends as soon as the step under way allows.
     ~LiveFlesh();

@@ -77,11 +77,6 @@ std::vector<ShownLine> shown_rods(const Simulation& simulation, double unit,
     return lines;
 }
 
-bool plays_rods()
-{
-    return true;
-}
-
 std::unique_ptr<FilmSource> film_of_rods(const FilmScene& scene)
 {
     return std::make_unique<RodsFilm>(scene);

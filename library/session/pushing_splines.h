@@ -40,8 +40,7 @@ public:
     virtual bool bring_back() = 0;
 };
 
-/// For cells whose state and term keep their addresses. Fault::Usage where rods are not
-/// built.
+/// For cells whose state and term keep their addresses.
 std::unique_ptr<PushingSplines> make_pushing_splines(CellState& cells,
                                                      const GlueTerm& glue,
                                                      std::vector<PushingSpline> rods);

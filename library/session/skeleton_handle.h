@@ -82,8 +82,7 @@ public:
                           double diagonal) const = 0;
 };
 
-/// \p joints: parents first. \p file: where they are told, for messages. Fault::Usage
-/// where skeletons are not built.
+/// \p joints: parents first. \p file: where they are told, for messages.
 std::shared_ptr<const SkeletonHandle>
 make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
                      const std::string& file);
@@ -101,7 +100,6 @@ struct JointMotion
 class KeyedJoints
 {
 public:
-    /// Fault::Usage where skeletons are not built.
     explicit KeyedJoints(const SkeletonValues& skeleton);
 
     /// Before the first key and after the last one a joint holds.
@@ -121,7 +119,7 @@ std::vector<double> key_times(const SkeletonValues& skeleton);
 
 /// The tracks of \p skeleton as frames, numbered from 1: at each time that has a key, or
 /// \p every so many seconds from the first on, and at the last. \p file: of the scene,
-/// for messages. Adds warnings. Fault::Usage where skeletons are not built.
+/// for messages. Adds warnings.
 std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
                                          std::optional<double> every,
                                          const std::string& file,

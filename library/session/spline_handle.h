@@ -123,13 +123,12 @@ public:
            const Eigen::VectorXd& multipliers) const = 0;
 };
 
-/// As few places of a line as a rod through them needs to follow it. Fault::Usage where
-/// rods are not built.
+/// As few places of a line as a rod through them needs to follow it.
 std::vector<Eigen::Vector3d> points_for_rod(std::span<const Eigen::Vector3d> line,
                                             double tolerance);
 
 /// \p points [work]; \p radius of its tube [work]. Throws std::invalid_argument for a
-/// line without length, and Fault::Usage where rods are not built.
+/// line without length.
 std::shared_ptr<const SplineHandle>
 make_spline_handle(const SplineStatement& statement,
                    std::span<const Eigen::Vector3d> points, bool is_rod, double radius);

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "io/formats/geometry_file.h"
+#include "io/scene/time_settings.h"
 #include "library/session/played_frames.h"
 #include "library/session/session_json.h"
 #include "library/session/session_request.h"
@@ -220,9 +221,13 @@ private:
 
 } // namespace
 
-FleshFacts flesh_of_scene(const std::string& path, const HandleFile& handles,
-                          const Geometry& geometry, const CellSettings& cells)
+std::optional<FleshFacts> facts_of_flesh(const std::string& path,
+                                         const HandleFile& handles,
+                                         const Geometry& geometry,
+                                         const CellSettings& cells)
 {
+    if (!has_flesh(time_scene_of(path)))
+        return std::nullopt;
     const SceneFile scene = read_scene(path);
     const SkeletonValues skeleton = played_skeleton(scene, handles, geometry);
     const std::shared_ptr<const FleshModel> model =

@@ -83,19 +83,15 @@ struct InTimeOptions
     std::function<void(const FrameProgress&)> watch = {}; ///< on the way of cells
 };
 
-/// Nothing for models and for scenes of edits. Throws Fault::Usage where this build does
-/// not have what the scene asks for.
+/// Nothing for models and for scenes of edits.
 std::unique_ptr<InTime> open_in_time(const std::string& input,
                                      const InTimeOptions& options = {});
 
 /// Rods: rods_in_time.cpp.
 std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
                                           const InTimeOptions& options);
-/// Lists of the parts of a scene of rods in time, and its duration; null for others, and
-/// in a build without rods.
+/// Lists of the parts of a scene of rods in time, and its duration; null for others.
 Json scene_in_time(const std::string& scene);
-/// The same in a build with rods.
-Json time_of_scene(const std::string& scene);
 /// Flesh: flesh_in_time.cpp.
 std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
                                            const InTimeOptions& options);
@@ -103,8 +99,7 @@ std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
 std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
                                             const InTimeOptions& options);
 
-/// What check says of rods in time; nothing for scenes without them, or in a build
-/// without rods.
+/// What check says of rods in time.
 struct RodFacts
 {
     Json rods; ///< an object each
@@ -114,22 +109,20 @@ struct RodFacts
     /// No edit is beside them: the model, if there is one, is theirs.
     bool are_all = false;
 };
+/// Nothing for scenes without rods in time.
 std::optional<RodFacts> facts_of_rods(const std::string& input);
-/// Of a scene with rods.
-RodFacts facts_of_rod_scene(const std::string& scene);
 
-/// What check says of flesh; nothing for scenes without it, or in a build without it.
+/// What check says of flesh.
 struct FleshFacts
 {
     Json json;
     std::string text;
     std::vector<std::string> warnings;
 };
-std::optional<FleshFacts> flesh_in_time(const std::string& input,
-                                        const HandleFile& handles,
-                                        const Geometry& geometry,
-                                        const CellSettings& cells);
-FleshFacts flesh_of_scene(const std::string& scene, const HandleFile& handles,
-                          const Geometry& geometry, const CellSettings& cells);
+/// Nothing for scenes without flesh.
+std::optional<FleshFacts> facts_of_flesh(const std::string& input,
+                                         const HandleFile& handles,
+                                         const Geometry& geometry,
+                                         const CellSettings& cells);
 
 } // namespace cellwarp::core

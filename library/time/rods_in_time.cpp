@@ -9,6 +9,7 @@
 #include "io/formats/plain_mesh.h"
 #include "io/scene/rod_scene.h"
 #include "io/scene/scene_file.h"
+#include "io/scene/time_settings.h"
 #include "library/session/session_json.h"
 #include "library/session/session_request.h"
 #include "library/time/carried_model.h"
@@ -339,7 +340,7 @@ std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
     return std::make_unique<RodsInTime>(scene, options);
 }
 
-Json time_of_scene(const std::string& path)
+Json scene_in_time(const std::string& path)
 {
     if (!has_rods(time_scene_of(path)))
         return nullptr;
@@ -363,8 +364,11 @@ Json time_of_scene(const std::string& path)
     return json;
 }
 
-RodFacts facts_of_rod_scene(const std::string& path)
+std::optional<RodFacts> facts_of_rods(const std::string& path)
 {
+    const TimeScene kind = time_scene_of(path);
+    if (!has_rods(kind))
+        return std::nullopt;
     const RodScene scene = read_rod_scene(path);
     RodFacts facts;
     facts.rods = rods_of(scene);
@@ -383,7 +387,7 @@ RodFacts facts_of_rod_scene(const std::string& path)
                                     : fmt::format("{} frames, {} steps", facts.num_frames,
                                                   facts.num_steps);
     facts.warnings = scene.warnings;
-    if (time_scene_of(path) != TimeScene::Rods)
+    if (kind != TimeScene::Rods)
         return facts;
     facts.are_all = !has_model(path) || scene.carries();
     facts.warnings = open_rods_in_time(path, {})->warnings();

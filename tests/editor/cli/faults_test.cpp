@@ -94,8 +94,7 @@ protected:
         }
         arguments_.insert(arguments_.end(), {"--overwrite", "--threads", "2"});
         const int code = support::run(arguments_).code;
-        if ((code == static_cast<int>(Fault::Usage) &&
-             (command == "render" || command == "simulate")) ||
+        if ((code == static_cast<int>(Fault::Usage) && command == "render") ||
             (code == static_cast<int>(Fault::Unsolvable) && command == "info"))
             GTEST_SKIP() << "this build does without";
         ASSERT_EQ(code, 0);
