@@ -174,9 +174,10 @@ struct Document::State
                 }
             find_placement(region, on);
         }
-        skeleton = stage().joints.empty() ? nullptr
-                                          : make_skeleton_handle(stage().joints, on.units,
-                                                                 edited.handles.path);
+        skeleton = stage().joints.empty()
+                       ? nullptr
+                       : std::make_shared<const SkeletonHandle>(stage().joints, on.units,
+                                                                edited.handles.path);
         if (skeleton)
         {
             pose = skeleton->rest();

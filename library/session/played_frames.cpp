@@ -57,18 +57,17 @@ public:
 
     void play(const std::vector<FrameStatement>& frames)
     {
-        const std::shared_ptr<const SkeletonHandle> handle =
-            make_skeleton_handle(skeleton_.joints, units_, handles_.path);
+        const SkeletonHandle handle(skeleton_.joints, units_, handles_.path);
         if (frames.front().number > 0)
-            add(0, handle->rest());
+            add(0, handle.rest());
         for (const FrameStatement& frame : frames)
         {
             std::vector<const Move*> moves;
             for (const Move& move : frame.moves)
                 moves.push_back(&move);
-            SkeletonAim aim = handle->moved(aims_.empty() ? handle->rest() : aims_.back(),
-                                            moves, units_);
-            warn_of_joints(*handle, aim, frame, handles_.path, diagonal_,
+            SkeletonAim aim =
+                handle.moved(aims_.empty() ? handle.rest() : aims_.back(), moves, units_);
+            warn_of_joints(handle, aim, frame, handles_.path, diagonal_,
                            skeleton_.warnings);
             add(frame.number, std::move(aim));
         }

@@ -258,7 +258,8 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     SkeletonBinding binding;
     if (!stage.joints.empty())
     {
-        skeleton = make_skeleton_handle(stage.joints, units, handles_.path);
+        skeleton =
+            std::make_shared<const SkeletonHandle>(stage.joints, units, handles_.path);
         for (Region& bone : bone_regions(*skeleton, shape, binding))
             resolved.push_back(std::move(bone));
         ++parts_.skeleton;

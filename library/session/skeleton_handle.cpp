@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
-#include <set>
 
 #include <fmt/format.h>
 
@@ -13,7 +13,6 @@
 #include "solver/skeleton/joint_keys.h"
 #include "solver/skeleton/keyed_reach.h"
 #include "solver/skeleton/reach.h"
-#include "solver/skeleton/skeleton.h"
 
 namespace cellwarp::core
 {
@@ -65,184 +64,6 @@ SkeletonPose pose_of(const SkeletonAim& aim)
 {
     return {aim.turns, aim.shifts};
 }
-
-class HandleOfJoints final : public SkeletonHandle
-{
-public:
-    HandleOfJoints(const std::vector<SkeletonJoint>& joints, const Units& units,
-                   std::string file)
-        : file_(std::move(file)), statements_(joints),
-          skeleton_(joints_of(joints, units)),
-          unit_(units.is_relative ? units.box.size().norm() : 1.0),
-          exponent_(units.frame.exponent)
-    {
-        for (std::size_t j = 0; j < size(); ++j)
-            numbers_[statements_[j].name] = static_cast<int>(j);
-    }
-
-    std::size_t size() const override { return skeleton_.size(); }
-    const SkeletonJoint& statement(std::size_t joint) const override
-    {
-        return statements_[joint];
-    }
-    int parent(std::size_t joint) const override { return skeleton_[joint].parent; }
-    std::vector<std::pair<Vector3d, Vector3d>> bones(std::size_t joint) const override
-    {
-        return skeleton_.bones(joint);
-    }
-    Vector3d place(std::size_t joint) const override { return skeleton_[joint].at; }
-    std::optional<double> told_radius(std::size_t joint) const override
-    {
-        const std::optional<double>& radius = statements_[joint].radius;
-        return radius ? std::optional(std::ldexp(*radius * unit_, exponent_))
-                      : std::nullopt;
-    }
-    int find(const std::string& name) const override
-    {
-        const auto found = numbers_.find(name);
-        return found == numbers_.end() ? -1 : found->second;
-    }
-
-    SkeletonAim rest() const override
-    {
-        SkeletonPose rest = skeleton_.rest();
-        return {std::move(rest.turns), std::move(rest.shifts), {}, 0};
-    }
-
-    SkeletonAim moved(const SkeletonAim& from, std::span<const Move* const> moves,
-                      const Units& units) const override
-    {
-        SkeletonAim to = from;
-        std::set<int> told;
-        for (const Move* const move : moves)
-            apply(*move, units, to, told);
-        SkeletonPose pose = pose_of(to);
-        to.limited = skeleton_.limit(pose);
-        std::vector<ReachTarget> targets;
-        for (const JointHold& hold : to.holds)
-        {
-            ReachTarget& target = targets.emplace_back();
-            target.joint = hold.joint;
-            target.place = hold.place;
-            for (const int joint : hold.chain)
-                if (!told.contains(joint))
-                    target.chain.push_back(joint);
-        }
-        if (!targets.empty())
-        {
-            const ReachReport report = reach(skeleton_, targets, pose);
-            for (std::size_t k = 0; k < targets.size(); ++k)
-                to.holds[k].miss = report.misses[k];
-        }
-        to.turns = std::move(pose.turns);
-        return to;
-    }
-
-    std::vector<Motion> motions(const SkeletonAim& from, const SkeletonAim& to,
-                                double t) const override
-    {
-        return skeleton_.motions(between(pose_of(from), pose_of(to), t));
-    }
-
-    int num_parts(const SkeletonAim& from, const SkeletonAim& to,
-                  double diagonal) const override
-    {
-        if (from.is_at(to))
-            return 1;
-        std::vector<double> turns(size(), 0.0), ways(size(), 0.0);
-        std::vector<Motion> last = motions(from, to, 0.0);
-        for (int probe = 1; probe <= kTurnProbes; ++probe)
-        {
-            const std::vector<Motion> next =
-                motions(from, to, static_cast<double>(probe) / kTurnProbes);
-            for (std::size_t j = 0; j < size(); ++j)
-            {
-                turns[j] += rotation_vector(next[j].R * last[j].R.transpose()).norm();
-                ways[j] += (next[j](place(j)) - last[j](place(j))).norm();
-            }
-            last = next;
-        }
-        const double way = *std::max_element(ways.begin(), ways.end());
-        return parts_of_way(*std::max_element(turns.begin(), turns.end()),
-                            diagonal > 0 ? way / diagonal : 0.0);
-    }
-
-private:
-    void apply(const Move& move, const Units& units, SkeletonAim& to,
-               std::set<int>& told) const
-    {
-        const int joint = find(move.region);
-        const auto hold =
-            std::find_if(to.holds.begin(), to.holds.end(),
-                         [&](const JointHold& h) { return h.joint == joint; });
-        if (move.released)
-        {
-            if (hold != to.holds.end())
-                to.holds.erase(hold);
-            return;
-        }
-        if (move.operations.front().kind == Operation::Kind::To)
-        {
-            JointHold held{joint, units.point(move.operations.front().vector),
-                           chain_of(joint, move.chain), 0.0};
-            if (!(held.place.cwiseAbs().maxCoeff() <= kHuge))
-                throw malformed({file_, move.line, move.region},
-                                "moves beyond what numbers can hold");
-            if (hold == to.holds.end())
-                to.holds.push_back(std::move(held));
-            else
-                *hold = std::move(held);
-            return;
-        }
-        Quaterniond turn = Quaterniond::Identity();
-        Vector3d shift = Vector3d::Zero();
-        bool turns = false, shifts = false;
-        for (const Operation& operation : move.operations)
-            if (operation.kind == Operation::Kind::Rotate)
-            {
-                turns = true;
-                turn = Quaterniond(Eigen::AngleAxisd(
-                           std::remainder(operation.degrees, 720.0) * kDegree,
-                           units.frame.axes * direction(operation.vector))) *
-                       turn;
-            }
-            else
-            {
-                shifts = true;
-                shift += units.vector(operation.vector);
-            }
-        // What a move does not speak of it does not keep either: moves are absolute.
-        to.turns[idx(joint)] = turn.normalized();
-        to.shifts[idx(joint)] = shift;
-        if (turns || !shifts)
-            told.insert(joint);
-        if (!to.shifts[idx(joint)].allFinite())
-            throw malformed({file_, move.line, move.region},
-                            "moves beyond what numbers can hold");
-    }
-
-    std::vector<int> chain_of(int joint, const std::string& first) const
-    {
-        if (first.empty())
-            return usual_chain(skeleton_, joint);
-        std::vector<int> chain;
-        for (int above = skeleton_[idx(joint)].parent; above >= 0;
-             above = skeleton_[idx(above)].parent)
-        {
-            chain.push_back(above);
-            if (skeleton_[idx(above)].name == first)
-                break;
-        }
-        return chain;
-    }
-
-    const std::string file_;
-    const std::vector<SkeletonJoint> statements_;
-    const Skeleton skeleton_;
-    const double unit_;
-    const int exponent_;
-    std::map<std::string, int> numbers_;
-};
 
 Interpolation interpolation_of(KeyStep step)
 {
@@ -353,11 +174,150 @@ bool SkeletonAim::is_at(const SkeletonAim& other) const
                       { return a.coeffs() == b.coeffs(); });
 }
 
-std::shared_ptr<const SkeletonHandle>
-make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
-                     const std::string& file)
+SkeletonHandle::SkeletonHandle(const std::vector<SkeletonJoint>& joints,
+                               const Units& units, std::string file)
+    : file_(std::move(file)), statements_(joints), skeleton_(joints_of(joints, units)),
+      unit_(units.is_relative ? units.box.size().norm() : 1.0),
+      exponent_(units.frame.exponent)
 {
-    return std::make_shared<const HandleOfJoints>(joints, units, file);
+}
+
+std::optional<double> SkeletonHandle::told_radius(std::size_t joint) const
+{
+    const std::optional<double>& radius = statements_[joint].radius;
+    return radius ? std::optional(std::ldexp(*radius * unit_, exponent_)) : std::nullopt;
+}
+
+SkeletonAim SkeletonHandle::rest() const
+{
+    SkeletonPose rest = skeleton_.rest();
+    return {std::move(rest.turns), std::move(rest.shifts), {}, 0};
+}
+
+SkeletonAim SkeletonHandle::moved(const SkeletonAim& from,
+                                  std::span<const Move* const> moves,
+                                  const Units& units) const
+{
+    SkeletonAim to = from;
+    std::set<int> told;
+    for (const Move* const move : moves)
+        apply(*move, units, to, told);
+    SkeletonPose pose = pose_of(to);
+    to.limited = skeleton_.limit(pose);
+    std::vector<ReachTarget> targets;
+    for (const JointHold& hold : to.holds)
+    {
+        ReachTarget& target = targets.emplace_back();
+        target.joint = hold.joint;
+        target.place = hold.place;
+        for (const int joint : hold.chain)
+            if (!told.contains(joint))
+                target.chain.push_back(joint);
+    }
+    if (!targets.empty())
+    {
+        const ReachReport report = reach(skeleton_, targets, pose);
+        for (std::size_t k = 0; k < targets.size(); ++k)
+            to.holds[k].miss = report.misses[k];
+    }
+    to.turns = std::move(pose.turns);
+    return to;
+}
+
+std::vector<Motion> SkeletonHandle::motions(const SkeletonAim& from,
+                                            const SkeletonAim& to, double t) const
+{
+    return skeleton_.motions(between(pose_of(from), pose_of(to), t));
+}
+
+int SkeletonHandle::num_parts(const SkeletonAim& from, const SkeletonAim& to,
+                              double diagonal) const
+{
+    if (from.is_at(to))
+        return 1;
+    std::vector<double> turns(size(), 0.0), ways(size(), 0.0);
+    std::vector<Motion> last = motions(from, to, 0.0);
+    for (int probe = 1; probe <= kTurnProbes; ++probe)
+    {
+        const std::vector<Motion> next =
+            motions(from, to, static_cast<double>(probe) / kTurnProbes);
+        for (std::size_t j = 0; j < size(); ++j)
+        {
+            turns[j] += rotation_vector(next[j].R * last[j].R.transpose()).norm();
+            ways[j] += (next[j](place(j)) - last[j](place(j))).norm();
+        }
+        last = next;
+    }
+    const double way = *std::max_element(ways.begin(), ways.end());
+    return parts_of_way(*std::max_element(turns.begin(), turns.end()),
+                        diagonal > 0 ? way / diagonal : 0.0);
+}
+
+void SkeletonHandle::apply(const Move& move, const Units& units, SkeletonAim& to,
+                           std::set<int>& told) const
+{
+    const int joint = find(move.region);
+    const auto hold = std::find_if(to.holds.begin(), to.holds.end(),
+                                   [&](const JointHold& h) { return h.joint == joint; });
+    if (move.released)
+    {
+        if (hold != to.holds.end())
+            to.holds.erase(hold);
+        return;
+    }
+    if (move.operations.front().kind == Operation::Kind::To)
+    {
+        JointHold held{joint, units.point(move.operations.front().vector),
+                       chain_of(joint, move.chain), 0.0};
+        if (!(held.place.cwiseAbs().maxCoeff() <= kHuge))
+            throw malformed({file_, move.line, move.region},
+                            "moves beyond what numbers can hold");
+        if (hold == to.holds.end())
+            to.holds.push_back(std::move(held));
+        else
+            *hold = std::move(held);
+        return;
+    }
+    Quaterniond turn = Quaterniond::Identity();
+    Vector3d shift = Vector3d::Zero();
+    bool turns = false, shifts = false;
+    for (const Operation& operation : move.operations)
+        if (operation.kind == Operation::Kind::Rotate)
+        {
+            turns = true;
+            turn = Quaterniond(Eigen::AngleAxisd(
+                       std::remainder(operation.degrees, 720.0) * kDegree,
+                       units.frame.axes * direction(operation.vector))) *
+                   turn;
+        }
+        else
+        {
+            shifts = true;
+            shift += units.vector(operation.vector);
+        }
+    // What a move does not speak of it does not keep either: moves are absolute.
+    to.turns[idx(joint)] = turn.normalized();
+    to.shifts[idx(joint)] = shift;
+    if (turns || !shifts)
+        told.insert(joint);
+    if (!to.shifts[idx(joint)].allFinite())
+        throw malformed({file_, move.line, move.region},
+                        "moves beyond what numbers can hold");
+}
+
+std::vector<int> SkeletonHandle::chain_of(int joint, const std::string& first) const
+{
+    if (first.empty())
+        return usual_chain(skeleton_, joint);
+    std::vector<int> chain;
+    for (int above = skeleton_[idx(joint)].parent; above >= 0;
+         above = skeleton_[idx(above)].parent)
+    {
+        chain.push_back(above);
+        if (skeleton_[idx(above)].name == first)
+            break;
+    }
+    return chain;
 }
 
 struct KeyedJoints::Tracks

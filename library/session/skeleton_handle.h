@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -17,6 +18,7 @@
 #include "io/scene/handle_file.h"
 #include "library/session/handle_trajectory.h"
 #include "octree/base/rigid_motion.h"
+#include "solver/skeleton/skeleton.h"
 
 namespace cellwarp::core
 {
@@ -55,37 +57,48 @@ struct PosedJoint
 class SkeletonHandle
 {
 public:
-    virtual ~SkeletonHandle() = default;
+    /// \p joints: parents first. \p file: where they are told, for messages.
+    SkeletonHandle(const std::vector<SkeletonJoint>& joints, const Units& units,
+                   std::string file);
 
-    virtual std::size_t size() const = 0;
-    virtual const SkeletonJoint& statement(std::size_t joint) const = 0;
-    virtual int parent(std::size_t joint) const = 0;
+    std::size_t size() const { return skeleton_.size(); }
+    const SkeletonJoint& statement(std::size_t joint) const { return statements_[joint]; }
+    int parent(std::size_t joint) const { return skeleton_[joint].parent; }
     /// Straight pieces that move with a joint, from it to its children [work].
-    virtual std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>>
-    bones(std::size_t joint) const = 0;
-    virtual Eigen::Vector3d place(std::size_t joint) const = 0;             ///< [work]
-    virtual std::optional<double> told_radius(std::size_t joint) const = 0; ///< [work]
+    std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>>
+    bones(std::size_t joint) const
+    {
+        return skeleton_.bones(joint);
+    }
+    /// [work]
+    const Eigen::Vector3d& place(std::size_t joint) const { return skeleton_[joint].at; }
+    std::optional<double> told_radius(std::size_t joint) const; ///< [work]
     /// The number of a joint, or -1.
-    virtual int find(const std::string& name) const = 0;
+    int find(const std::string& name) const { return skeleton_.find(name); }
 
-    virtual SkeletonAim rest() const = 0;
+    SkeletonAim rest() const;
     /// After the moves of a frame, all of joints. What holds a joint at its place turns
     /// the others of its chain but for those that this frame turns.
-    virtual SkeletonAim moved(const SkeletonAim& from, std::span<const Move* const> moves,
-                              const Units& units) const = 0;
+    SkeletonAim moved(const SkeletonAim& from, std::span<const Move* const> moves,
+                      const Units& units) const;
     /// Of space around each joint, from rest, at \p t of the way in [0, 1] [work].
-    virtual std::vector<Motion> motions(const SkeletonAim& from, const SkeletonAim& to,
-                                        double t) const = 0;
+    std::vector<Motion> motions(const SkeletonAim& from, const SkeletonAim& to,
+                                double t) const;
     /// How many equal parts of the way keep each bone to 45 degrees and each joint to a
     /// quarter of \p diagonal.
-    virtual int num_parts(const SkeletonAim& from, const SkeletonAim& to,
-                          double diagonal) const = 0;
-};
+    int num_parts(const SkeletonAim& from, const SkeletonAim& to, double diagonal) const;
 
-/// \p joints: parents first. \p file: where they are told, for messages.
-std::shared_ptr<const SkeletonHandle>
-make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
-                     const std::string& file);
+private:
+    void apply(const Move& move, const Units& units, SkeletonAim& to,
+               std::set<int>& told) const;
+    std::vector<int> chain_of(int joint, const std::string& first) const;
+
+    const std::string file_;
+    const std::vector<SkeletonJoint> statements_;
+    const Skeleton skeleton_;
+    const double unit_;
+    const int exponent_;
+};
 
 /// The motion of a joint from rest: its turn, in the axes of the rest pose as its parent
 /// has turned them, and its shift in these.

@@ -289,7 +289,8 @@ std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> ge
     if (scene.time->viscosity > 0.0)
         model->warnings.push_back(at({scene.path, 0, "simulate.viscosity"},
                                      "is for rods, ignored: flesh has damping"));
-    model->skeleton = make_skeleton_handle(skeleton.joints, model->units(), scene.path);
+    model->skeleton = std::make_shared<const SkeletonHandle>(skeleton.joints,
+                                                             model->units(), scene.path);
     for (std::size_t j = 0; j < model->skeleton->size(); ++j)
         for (const auto& [from, to] : model->skeleton->bones(j))
             model->bones.push_back(

@@ -61,17 +61,17 @@ std::vector<Vector3d> places(const SkeletonValues& values, const KeyedJoints& jo
                              double time)
 {
     const Units units{WorkFrame(), false, bounding_box(box().samples), 0.0};
-    const auto handle = make_skeleton_handle(values.joints, units, "");
+    const SkeletonHandle handle(values.joints, units, "");
     const std::vector<Move> moves = joints.moves_at(time);
     std::vector<const Move*> pointers;
     for (const Move& move : moves)
         pointers.push_back(&move);
-    const SkeletonAim aim = handle->moved(handle->rest(), pointers, units);
+    const SkeletonAim aim = handle.moved(handle.rest(), pointers, units);
     EXPECT_EQ(aim.limited, 0) << time;
-    const std::vector<Motion> motions = handle->motions(aim, aim, 1.0);
+    const std::vector<Motion> motions = handle.motions(aim, aim, 1.0);
     std::vector<Vector3d> out;
-    for (std::size_t j = 0; j < handle->size(); ++j)
-        out.push_back(motions[j](handle->place(j)));
+    for (std::size_t j = 0; j < handle.size(); ++j)
+        out.push_back(motions[j](handle.place(j)));
     return out;
 }
 
@@ -217,8 +217,8 @@ TEST(PlayedFrames, frames_are_the_poses_of_deform_at_their_times)
     const SkeletonValues values = values_of(scene, text);
     const KeyedJoints joints(values);
     const Units units{WorkFrame(), false, bounding_box(box().samples), 0.0};
-    const auto handle = make_skeleton_handle(values.joints, units, "");
-    SkeletonAim aim = handle->rest();
+    const SkeletonHandle handle(values.joints, units, "");
+    SkeletonAim aim = handle.rest();
     EXPECT_EQ(places(values, joints, 0.0)[5], Vector3d(2.5, 0, 0)); // rest
     const HandleFile handles = frames_of(scene, text);
     for (const FrameStatement& frame : handles.stages[0].frames)
@@ -226,12 +226,12 @@ TEST(PlayedFrames, frames_are_the_poses_of_deform_at_their_times)
         std::vector<const Move*> moves;
         for (const Move& move : frame.moves)
             moves.push_back(&move);
-        aim = handle->moved(aim, moves, units);
-        const std::vector<Motion> motions = handle->motions(aim, aim, 1.0);
+        aim = handle.moved(aim, moves, units);
+        const std::vector<Motion> motions = handle.motions(aim, aim, 1.0);
         const std::vector<Vector3d> now =
             places(values, joints, 0.1 * static_cast<double>(frame.number));
         for (std::size_t j = 0; j < now.size(); ++j)
-            EXPECT_LT((now[j] - motions[j](handle->place(j))).norm(), 1e-12)
+            EXPECT_LT((now[j] - motions[j](handle.place(j))).norm(), 1e-12)
                 << frame.number << " " << j;
     }
     EXPECT_LT(step_of(places(values, joints, 0.7), places(values, joints, 2.0)), 1e-12);
