@@ -27,7 +27,6 @@
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_model.h"
 #include "solver/rods/rod_newton.h"
-#include "solver/rods/spline.h"
 
 namespace cellwarp::core
 {
@@ -87,15 +86,15 @@ Eigen::MatrixXd controls_by_points(const Spline& spline, std::span<const double>
     return Eigen::FullPivLU<Eigen::MatrixXd>(system).solve(right).topRows(n);
 }
 
-class Handle;
+} // namespace
 
-class HandleState final : public SplineState
+class SplineHandle::State final : public SplineState
 {
 public:
     /// \p lead: of a rod that pushes back, where it would be if it only led.
-    HandleState(const Handle& of, RodState state, SplineHolds holds, bool is_rest,
-                double energy, std::vector<Vector3d> forces,
-                std::optional<RodState> lead = std::nullopt)
+    State(const SplineHandle& of, RodState state, SplineHolds holds, bool is_rest,
+          double energy, std::vector<Vector3d> forces,
+          std::optional<RodState> lead = std::nullopt)
         : of_(of), state_(std::move(state)), holds_(std::move(holds)), is_rest_(is_rest),
           energy_(energy), forces_(std::move(forces)), lead_(std::move(lead))
     {
@@ -104,7 +103,7 @@ public:
     const RodState* rod() const override { return &state_; }
     bool is_at(const SplineState& other) const override
     {
-        return state_.x() == static_cast<const HandleState&>(other).state_.x();
+        return state_.x() == static_cast<const State&>(other).state_.x();
     }
     const RodState& lead() const { return lead_ ? *lead_ : state_; }
     const SplineHolds& holds() const { return holds_; }
@@ -122,7 +121,7 @@ public:
     double turn_at_point(std::size_t point) const override;
 
 private:
-    const Handle& of_;
+    const SplineHandle& of_;
     RodState state_;
     SplineHolds holds_;
     bool is_rest_;
@@ -131,186 +130,110 @@ private:
     std::optional<RodState> lead_;
 };
 
-class Handle final : public SplineHandle
+SplineHandle::SplineHandle(const SplineStatement& statement,
+                           std::span<const Vector3d> points, bool is_rod, double radius)
+    : is_rod_(is_rod), by_controls_(statement.form == SplineStatement::Form::Points),
+      radius_(radius), points_(points.begin(), points.end()),
+      rod_(curve(statement, points), section_of(curve(statement, points)), {}),
+      rest_(rod_)
 {
-public:
-    Handle(const SplineStatement& statement, std::span<const Vector3d> points,
-           bool is_rod, double radius)
-        : is_rod_(is_rod), by_controls_(statement.form == SplineStatement::Form::Points),
-          radius_(radius), points_(points.begin(), points.end()),
-          rod_(curve(statement, points), section_of(curve(statement, points)), {}),
-          rest_(rod_)
+    const Spline& spline = rod_.rest();
+    if (by_controls_)
+        for (std::size_t k = 0; k < points_.size(); ++k)
+            at_points_.push_back(nearest_on_curve(points_[k]));
+    if (by_controls_ && !is_closed())
     {
-        const Spline& spline = rod_.rest();
-        if (by_controls_)
-            for (std::size_t k = 0; k < points_.size(); ++k)
-                at_points_.push_back(nearest_on_curve(points_[k]));
-        if (by_controls_ && !is_closed())
-        {
-            at_points_.front() = begin();
-            at_points_.back() = end();
-        }
-        if (!is_rod && !by_controls_)
-            follow_ = controls_by_points(spline, at_points_);
-        // As a round rod of the tube's radius, [theory-rods (35)].
-        scale_ = 0.5 * std::numbers::pi * std::pow(radius_, 4);
-        if (statement.stiffness)
-        {
-            scale_ *= *statement.stiffness;
-            stiffness_ = scale_;
-        }
-        start();
+        at_points_.front() = begin();
+        at_points_.back() = end();
     }
-    Handle(const Spline& rest, double radius)
-        : is_rod_(true), by_controls_(true), radius_(radius),
-          rod_(rest, section_of(rest), {}), rest_(rod_)
+    if (!is_rod && !by_controls_)
+        follow_ = controls_by_points(spline, at_points_);
+    // As a round rod of the tube's radius, [theory-rods (35)].
+    scale_ = 0.5 * std::numbers::pi * std::pow(radius_, 4);
+    if (statement.stiffness)
     {
-        start();
+        scale_ *= *statement.stiffness;
+        stiffness_ = scale_;
     }
+    start();
+}
 
-    bool is_rod() const override { return is_rod_; }
-    double radius() const override { return radius_; }
-    std::size_t num_points() const override { return points_.size(); }
-    double parameter_of_point(std::size_t k) const override { return at_points_[k]; }
-    double parameter_of_share(double share) const override
-    {
-        return rod_.arc_length().parameter(share);
-    }
-    double share_of_parameter(double s) const override
-    {
-        return rod_.arc_length().at(s) / rod_.arc_length().total();
-    }
-    bool is_closed() const override { return rod_.basis().is_closed(); }
-    bool has_frame_at(std::size_t point) const override
-    {
-        return !by_controls_ ||
-               (!is_closed() && (point == 0 || point + 1 == num_points()));
-    }
-    double begin() const override { return rod_.basis().begin(); }
-    double end() const override { return rod_.basis().end(); }
-    const std::vector<Vector3d>& polyline() const override { return polyline_; }
-    const std::vector<LineStation>& stations() const override { return stations_; }
-    std::shared_ptr<const SplineState> rest() const override { return is_rest_shared_; }
-    double nearest(const Vector3d& x) const override;
-    SplineHolds rest_holds() const override;
-    std::shared_ptr<const SplineState> moved(const SplineState& from,
-                                             const SplineHolds& holds,
-                                             bool tries_all) const override;
-    double stiffness() const override { return stiffness_; }
-    std::vector<RodConstraint> constraints(const SplineState& state, const RodState& now,
-                                           bool is_alone) const override
-    {
-        const SplineHolds& holds = static_cast<const HandleState&>(state).holds();
-        std::vector<RodConstraint> out = constraints(now, holds);
-        if (is_alone)
-            hold_what_is_free(now, holds, out);
-        return out;
-    }
-    std::shared_ptr<const SplineState>
-    solved(const SplineState& from, const RodState& now,
-           const Eigen::VectorXd& multipliers) const override;
+SplineHandle::SplineHandle(const Spline& rest, double radius)
+    : is_rod_(true), by_controls_(true), radius_(radius),
+      rod_(rest, section_of(rest), {}), rest_(rod_)
+{
+    start();
+}
 
-    bool by_controls() const { return by_controls_; }
-    const std::vector<Vector3d>& points() const { return points_; }
-    const Rod& rod() const { return rod_; }
-    const RodState& rest_state() const { return rest_; }
-    double turn_at(const RodState& now, std::size_t point, std::size_t anchor) const;
+Spline SplineHandle::curve(const SplineStatement& statement,
+                           std::span<const Vector3d> points)
+{
+    if (by_controls_)
+        return spline_by_controls({points.begin(), points.end()}, statement.is_closed);
+    return spline_through(points, statement.is_closed, static_cast<int>(statement.spans),
+                          3, &at_points_);
+}
 
-private:
-    Spline curve(const SplineStatement& statement, std::span<const Vector3d> points)
-    {
-        if (by_controls_)
-            return spline_by_controls({points.begin(), points.end()},
-                                      statement.is_closed);
-        return spline_through(points, statement.is_closed,
-                              static_cast<int>(statement.spans), 3, &at_points_);
-    }
-    std::function<Section(double)> section_of(const Spline& spline) const
-    {
-        const double length = ArcLength(spline).total();
-        Section section;
-        section.stretch = kSlender / (length * length);
-        section.bending = {1.0, 1.0};
-        section.twist = 1.0;
-        section.mass = 1.0 / length;
-        section.radius = radius_;
-        return [section](double) { return section; };
-    }
-    /// What follows from the rest.
-    void start()
-    {
-        for (const SplineSpan& span : rod_.basis().spans())
-            for (int piece = 0; piece < kPieces; ++piece)
-                add_place(span.begin + piece * span.length() / kPieces);
-        add_place(end());
-        is_rest_shared_ = std::make_shared<const HandleState>(
-            *this, rest_, rest_holds(), true, 0.0,
-            std::vector<Vector3d>(num_points(), Vector3d::Zero()));
-    }
-    void add_place(double s)
-    {
-        const CurvePoint at = rod_.rest().at(s);
-        polyline_.push_back(at.place);
-        stations_.push_back({s, rod_.arc_length().at(s), at.first.normalized()});
-    }
-    double nearest_on_curve(const Vector3d& x) const;
-    double polished(double s, double reach, const Vector3d& x) const;
-    std::vector<RodConstraint> constraints(const RodState& now,
-                                           const SplineHolds& holds) const;
-    void hold_what_is_free(const RodState& now, const SplineHolds& holds,
-                           std::vector<RodConstraint>& out) const;
-    bool finds_rest(RodModel& model, const RodState& before, RodState& state) const;
-    std::shared_ptr<const SplineState> led(const SplineHolds& holds) const;
-    std::vector<Vector3d> forces(const SplineHolds& holds,
-                                 const Eigen::VectorXd& multipliers) const;
-    std::shared_ptr<const SplineState>
-    pushed(const HandleState& from, const RodState& lead, const SplineHolds& holds) const;
-    double energy_of(const RodState& state) const;
-    bool is_kept(const RodState& now, const SplineHolds& holds) const;
+std::function<Section(double)> SplineHandle::section_of(const Spline& spline) const
+{
+    const double length = ArcLength(spline).total();
+    Section section;
+    section.stretch = kSlender / (length * length);
+    section.bending = {1.0, 1.0};
+    section.twist = 1.0;
+    section.mass = 1.0 / length;
+    section.radius = radius_;
+    return [section](double) { return section; };
+}
 
-    bool is_rod_, by_controls_;
-    double radius_;
-    double scale_ = 1.0;     ///< of its energy of YI = 1
-    double stiffness_ = 0.0; ///< the same of one that pushes back
-    std::vector<Vector3d> points_;
-    std::vector<double> at_points_; ///< parameters
-    Rod rod_;
-    RodState rest_;
-    std::vector<Vector3d> polyline_;
-    std::vector<LineStation> stations_; ///< of the polyline
-    Eigen::MatrixXd follow_; ///< of a curve through points: control points by points
-    std::shared_ptr<const HandleState> is_rest_shared_;
-};
+/// What follows from the rest.
+void SplineHandle::start()
+{
+    for (const SplineSpan& span : rod_.basis().spans())
+        for (int piece = 0; piece < kPieces; ++piece)
+            add_place(span.begin + piece * span.length() / kPieces);
+    add_place(end());
+    rest_state_ = std::make_shared<const State>(
+        *this, rest_, rest_holds(), true, 0.0,
+        std::vector<Vector3d>(num_points(), Vector3d::Zero()));
+}
 
-Motion HandleState::carry(double s) const
+void SplineHandle::add_place(double s)
+{
+    const CurvePoint at = rod_.rest().at(s);
+    polyline_.push_back(at.place);
+    stations_.push_back({s, rod_.arc_length().at(s), at.first.normalized()});
+}
+
+Motion SplineHandle::State::carry(double s) const
 {
     if (is_rest_)
         return {};
-    return carried_by(state_, of_.rest_state(), s);
+    return carried_by(state_, of_.rest_, s);
 }
 
-std::vector<Vector3d> HandleState::points() const
+std::vector<Vector3d> SplineHandle::State::points() const
 {
     if (is_rest_)
-        return of_.points();
+        return of_.points_;
     std::vector<Vector3d> points;
     for (std::size_t k = 0; k < of_.num_points(); ++k)
-        points.push_back(of_.by_controls() ? state_.control(static_cast<int>(k))
-                                           : state_.at(of_.parameter_of_point(k)).place);
+        points.push_back(of_.by_controls_ ? state_.control(static_cast<int>(k))
+                                          : state_.at(of_.parameter_of_point(k)).place);
     return points;
 }
 
-Matrix3d HandleState::frame_at_point(std::size_t point) const
+Matrix3d SplineHandle::State::frame_at_point(std::size_t point) const
 {
     return state_.frame(of_.parameter_of_point(point));
 }
 
-double HandleState::turn_at_point(std::size_t point) const
+double SplineHandle::State::turn_at_point(std::size_t point) const
 {
     return of_.turn_at(state_, point, frame_anchor(of_, holds_));
 }
 
-double Handle::polished(double s, double reach, const Vector3d& x) const
+double SplineHandle::polished(double s, double reach, const Vector3d& x) const
 {
     constexpr int kMost = 20;
     for (int k = 0; k < kMost; ++k)
@@ -330,7 +253,7 @@ double Handle::polished(double s, double reach, const Vector3d& x) const
     return s;
 }
 
-double Handle::nearest(const Vector3d& x) const
+double SplineHandle::nearest(const Vector3d& x) const
 {
     double least = std::numeric_limits<double>::infinity(), best = begin(), reach = 0.0;
     for (std::size_t k = 0; k + 1 < polyline_.size(); ++k)
@@ -349,7 +272,7 @@ double Handle::nearest(const Vector3d& x) const
 }
 
 /// Before the polyline is there.
-double Handle::nearest_on_curve(const Vector3d& x) const
+double SplineHandle::nearest_on_curve(const Vector3d& x) const
 {
     constexpr int kTries = 1000;
     double least = std::numeric_limits<double>::infinity(), best = begin();
@@ -366,7 +289,7 @@ double Handle::nearest_on_curve(const Vector3d& x) const
     return polished(best, (end() - begin()) / kTries, x);
 }
 
-SplineHolds Handle::rest_holds() const
+SplineHolds SplineHandle::rest_holds() const
 {
     SplineHolds holds(num_points());
     for (std::size_t k = 0; k < holds.size(); ++k)
@@ -384,7 +307,8 @@ SplineHolds Handle::rest_holds() const
 
 /// How far the frame at a point of \p now is turned about its tangent: at \p anchor
 /// against the shortest way from rest, from there on by what the spans are twisted.
-double Handle::turn_at(const RodState& now, std::size_t point, std::size_t anchor) const
+double SplineHandle::turn_at(const RodState& now, std::size_t point,
+                             std::size_t anchor) const
 {
     const double from = at_points_[anchor], to = at_points_[point];
     const Matrix3d frame = now.frame(from), rest = rest_.frame(from);
@@ -401,9 +325,20 @@ double Handle::turn_at(const RodState& now, std::size_t point, std::size_t ancho
     return turn;
 }
 
+std::vector<RodConstraint> SplineHandle::constraints(const SplineState& state,
+                                                     const RodState& now,
+                                                     bool is_alone) const
+{
+    const SplineHolds& holds = static_cast<const State&>(state).holds();
+    std::vector<RodConstraint> out = constraints(now, holds);
+    if (is_alone)
+        hold_what_is_free(now, holds, out);
+    return out;
+}
+
 /// What \p holds ask for; of a twist without a tangent, as seen from \p now.
-std::vector<RodConstraint> Handle::constraints(const RodState& now,
-                                               const SplineHolds& holds) const
+std::vector<RodConstraint> SplineHandle::constraints(const RodState& now,
+                                                     const SplineHolds& holds) const
 {
     std::vector<RodConstraint> out;
     const std::size_t anchor = frame_anchor(*this, holds);
@@ -451,8 +386,8 @@ std::vector<RodConstraint> Handle::constraints(const RodState& now,
 /// Motions that \p holds leave free, of the rod as a whole or of a straight one about its
 /// own line, cost nothing, and the equations would not say where it stays: as it is at
 /// \p now. Nothing pulls at what this adds.
-void Handle::hold_what_is_free(const RodState& now, const SplineHolds& holds,
-                               std::vector<RodConstraint>& out) const
+void SplineHandle::hold_what_is_free(const RodState& now, const SplineHolds& holds,
+                                     std::vector<RodConstraint>& out) const
 {
     int places = 0;
     bool has_tangent = false, has_twist = false;
@@ -495,7 +430,8 @@ void Handle::hold_what_is_free(const RodState& now, const SplineHolds& holds,
 
 /// Where Newton's method alone does not get there: by damped steps in time, as if it were
 /// as heavy as needed, and then once more for the last digits.
-bool Handle::finds_rest(RodModel& model, const RodState& before, RodState& state) const
+bool SplineHandle::finds_rest(RodModel& model, const RodState& before,
+                              RodState& state) const
 {
     state = before;
     Eigen::VectorXd velocity = Eigen::VectorXd::Zero(model.num_unknowns());
@@ -506,7 +442,7 @@ bool Handle::finds_rest(RodModel& model, const RodState& before, RodState& state
 }
 
 /// A curve, where its points are.
-std::shared_ptr<const SplineState> Handle::led(const SplineHolds& holds) const
+std::shared_ptr<const SplineState> SplineHandle::led(const SplineHolds& holds) const
 {
     Eigen::MatrixX3d shift(holds.size(), 3);
     for (std::size_t k = 0; k < holds.size(); ++k)
@@ -518,23 +454,24 @@ std::shared_ptr<const SplineState> Handle::led(const SplineHolds& holds) const
         x.segment<3>(rod_.layout().control[idx(k)]) += moved.row(k).transpose();
     RodState state = rest_;
     state.move_to(x);
-    return std::make_shared<const HandleState>(
+    return std::make_shared<const State>(
         *this, std::move(state), holds, shift.isZero(0), 0.0,
         std::vector<Vector3d>(holds.size(), Vector3d::Zero()));
 }
 
-std::shared_ptr<const SplineState>
-Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all) const
+std::shared_ptr<const SplineState> SplineHandle::moved(const SplineState& from,
+                                                       const SplineHolds& holds,
+                                                       bool tries_all) const
 {
     if (!is_rod_)
         return led(holds);
-    const HandleState& start = static_cast<const HandleState&>(from);
+    const State& start = static_cast<const State&>(from);
     if (stiffness_ > 0.0 && is_kept(*start.rod(), holds))
-        return std::make_shared<const HandleState>(*this, *start.rod(), holds, false,
-                                                   start.energy(), start.forces(),
-                                                   start.lead());
+        return std::make_shared<const State>(*this, *start.rod(), holds, false,
+                                             start.energy(), start.forces(),
+                                             start.lead());
     if (holds == rest_holds())
-        return stiffness_ > 0.0 ? pushed(start, rest_, holds) : is_rest_shared_;
+        return stiffness_ > 0.0 ? pushed(start, rest_, holds) : rest_state_;
     RodModel model(rod_);
     model.terms.push_back(exact_elasticity(rod_));
     RodState state = start.lead();
@@ -560,22 +497,21 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
     if (stiffness_ > 0.0)
         return pushed(start, state, holds);
     const double energy = energy_of(state);
-    return std::make_shared<const HandleState>(
-        *this, std::move(state), holds, false, energy,
-        forces(holds, scale_ * newton.multipliers()));
+    return std::make_shared<const State>(*this, std::move(state), holds, false, energy,
+                                         forces(holds, scale_ * newton.multipliers()));
 }
 
 /// Whether a rod is already as \p holds have it: they only let go.
-bool Handle::is_kept(const RodState& now, const SplineHolds& holds) const
+bool SplineHandle::is_kept(const RodState& now, const SplineHolds& holds) const
 {
-    constexpr double kKept = 1e-10; // [work], [rad]
+    constexpr double kMet = 1e-10; // [work], [rad]
     const Eigen::VectorXd violation = hold_rows(now, constraints(now, holds)).violation;
-    return violation.size() == 0 || violation.lpNorm<Eigen::Infinity>() <= kKept;
+    return violation.size() == 0 || violation.lpNorm<Eigen::Infinity>() <= kMet;
 }
 
 /// Those at the places of the holds.
-std::vector<Vector3d> Handle::forces(const SplineHolds& holds,
-                                     const Eigen::VectorXd& multipliers) const
+std::vector<Vector3d> SplineHandle::forces(const SplineHolds& holds,
+                                           const Eigen::VectorXd& multipliers) const
 {
     std::vector<Vector3d> forces(holds.size(), Vector3d::Zero());
     Eigen::Index row = 0;
@@ -589,7 +525,7 @@ std::vector<Vector3d> Handle::forces(const SplineHolds& holds,
     return forces;
 }
 
-double Handle::energy_of(const RodState& state) const
+double SplineHandle::energy_of(const RodState& state) const
 {
     RodModel model(rod_);
     model.terms.push_back(exact_elasticity(rod_));
@@ -598,45 +534,26 @@ double Handle::energy_of(const RodState& state) const
 
 /// Where a rod that pushes back is taken to for a start: with the motions that it would
 /// make if it only led, to \p lead.
-std::shared_ptr<const SplineState> Handle::pushed(const HandleState& from,
-                                                  const RodState& lead,
-                                                  const SplineHolds& holds) const
+std::shared_ptr<const SplineState> SplineHandle::pushed(const State& from,
+                                                        const RodState& lead,
+                                                        const SplineHolds& holds) const
 {
     RodState state = moved_along(*from.rod(), from.lead(), lead, rest_);
     bring_to(state, constraints(state, holds));
     const double energy = energy_of(state);
-    return std::make_shared<const HandleState>(
+    return std::make_shared<const State>(
         *this, std::move(state), holds, false, energy,
         std::vector<Vector3d>(holds.size(), Vector3d::Zero()), lead);
 }
 
 std::shared_ptr<const SplineState>
-Handle::solved(const SplineState& from, const RodState& now,
-               const Eigen::VectorXd& multipliers) const
+SplineHandle::solved(const SplineState& from, const RodState& now,
+                     const Eigen::VectorXd& multipliers) const
 {
-    const HandleState& start = static_cast<const HandleState&>(from);
-    return std::make_shared<const HandleState>(
-        *this, now, start.holds(), false, energy_of(now),
-        forces(start.holds(), multipliers), start.lead());
-}
-
-} // namespace
-
-std::vector<Vector3d> points_for_rod(std::span<const Vector3d> line, double tolerance)
-{
-    return few_points(line, tolerance);
-}
-
-std::shared_ptr<const SplineHandle> make_spline_handle(const SplineStatement& statement,
-                                                       std::span<const Vector3d> points,
-                                                       bool is_rod, double radius)
-{
-    return std::make_shared<const Handle>(statement, points, is_rod, radius);
-}
-
-std::shared_ptr<const SplineHandle> make_led_handle(const Spline& rest, double radius)
-{
-    return std::make_shared<const Handle>(rest, radius);
+    const State& start = static_cast<const State&>(from);
+    return std::make_shared<const State>(*this, now, start.holds(), false, energy_of(now),
+                                         forces(start.holds(), multipliers),
+                                         start.lead());
 }
 
 } // namespace cellwarp::core

@@ -6,8 +6,8 @@
 // so that a rod moved as a whole moves to the last digit as any other region does.
 #pragma once
 
+#include <functional>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -17,13 +17,14 @@
 #include "library/session/line_bending.h"
 #include "octree/base/rigid_motion.h"
 #include "solver/cells/constraints.h"
+#include "solver/rods/rod.h"
+#include "solver/rods/rod_constraint.h"
+#include "solver/rods/spline.h"
 
 namespace cellwarp::core
 {
 
-class RodState;
-struct RodConstraint;
-struct Spline;
+class RodModel;
 
 /// What one point of the statement is held by. Without tangent a direction is that of
 /// rest.
@@ -74,67 +75,107 @@ public:
     virtual const RodState* rod() const { return nullptr; }
 };
 
-/// At rest. Immutable.
+/// At rest. Immutable; its states refer to it.
 class SplineHandle
 {
 public:
-    virtual ~SplineHandle() = default;
+    /// \p points [work]; \p radius of its tube [work]. Throws std::invalid_argument for a
+    /// line without length.
+    SplineHandle(const SplineStatement& statement,
+                 std::span<const Eigen::Vector3d> points, bool is_rod, double radius);
+    /// A line that nothing here bends: its states come from elsewhere (led_rod.h). \p
+    /// rest [work], without points to hold.
+    SplineHandle(const Spline& rest, double radius);
+    SplineHandle(const SplineHandle&) = delete;
+    SplineHandle& operator=(const SplineHandle&) = delete;
 
-    virtual bool is_rod() const = 0;
-    virtual double radius() const = 0; ///< of the tube
-    virtual std::size_t num_points() const = 0;
+    bool is_rod() const { return is_rod_; }
+    double radius() const { return radius_; } ///< of the tube
+    std::size_t num_points() const { return points_.size(); }
     /// Of a point of the statement.
-    virtual double parameter_of_point(std::size_t point) const = 0;
-    virtual double parameter_of_share(double share) const = 0;
-    virtual double share_of_parameter(double s) const = 0;
-    virtual bool is_closed() const = 0;
+    double parameter_of_point(std::size_t point) const { return at_points_[point]; }
+    double parameter_of_share(double share) const
+    {
+        return rod_.arc_length().parameter(share);
+    }
+    double share_of_parameter(double s) const
+    {
+        return rod_.arc_length().at(s) / rod_.arc_length().total();
+    }
+    bool is_closed() const { return rod_.basis().is_closed(); }
     /// Whether a point is on the curve: inner control points are not.
-    virtual bool has_frame_at(std::size_t point) const = 0;
-    virtual double begin() const = 0;
-    virtual double end() const = 0;
+    bool has_frame_at(std::size_t point) const
+    {
+        return !by_controls_ ||
+               (!is_closed() && (point == 0 || point + 1 == num_points()));
+    }
+    double begin() const { return rod_.basis().begin(); }
+    double end() const { return rod_.basis().end(); }
     /// Of the place nearest to \p x, not beyond an end.
-    virtual double nearest(const Eigen::Vector3d& x) const = 0;
+    double nearest(const Eigen::Vector3d& x) const;
     /// Straight pieces that follow it closely.
-    virtual const std::vector<Eigen::Vector3d>& polyline() const = 0;
+    const std::vector<Eigen::Vector3d>& polyline() const { return polyline_; }
     /// The corners of the polyline.
-    virtual const std::vector<LineStation>& stations() const = 0;
+    const std::vector<LineStation>& stations() const { return stations_; }
     /// What holds it until something is said: both ends of a rod, all of a curve.
-    virtual SplineHolds rest_holds() const = 0;
-    virtual std::shared_ptr<const SplineState> rest() const = 0;
+    SplineHolds rest_holds() const;
+    std::shared_ptr<const SplineState> rest() const { return rest_state_; }
 
     /// To where \p holds take it, from \p from on; \p tries_all: also by slower ways.
     /// Nothing: it found no rest.
-    virtual std::shared_ptr<const SplineState>
-    moved(const SplineState& from, const SplineHolds& holds, bool tries_all) const = 0;
+    std::shared_ptr<const SplineState>
+    moved(const SplineState& from, const SplineHolds& holds, bool tries_all) const;
 
     /// How stiff a rod is against the cells; 0: it only leads them. Of one that pushes
     /// back moved() gives a guess, from which it is solved for together with the cells.
     /// Times its energy of YI = 1 [work^4]. [theory-rods (35)]
-    virtual double stiffness() const = 0;
+    double stiffness() const { return stiffness_; }
     /// What holds it at \p state; of a twist without a tangent, as seen from \p now.
     /// \p is_alone: nothing else holds the body: it stays as it is at \p now in the
     /// rigid motions that are free.
-    virtual std::vector<RodConstraint>
-    constraints(const SplineState& state, const RodState& now, bool is_alone) const = 0;
+    std::vector<RodConstraint> constraints(const SplineState& state, const RodState& now,
+                                           bool is_alone) const;
     /// Held as at \p from it has come to \p now, where its constraints pull it with
     /// \p multipliers.
-    virtual std::shared_ptr<const SplineState>
-    solved(const SplineState& from, const RodState& now,
-           const Eigen::VectorXd& multipliers) const = 0;
+    std::shared_ptr<const SplineState> solved(const SplineState& from,
+                                              const RodState& now,
+                                              const Eigen::VectorXd& multipliers) const;
+
+private:
+    class State;
+    Spline curve(const SplineStatement& statement,
+                 std::span<const Eigen::Vector3d> points);
+    std::function<Section(double)> section_of(const Spline& spline) const;
+    void start();
+    void add_place(double s);
+    double turn_at(const RodState& now, std::size_t point, std::size_t anchor) const;
+    double nearest_on_curve(const Eigen::Vector3d& x) const;
+    double polished(double s, double reach, const Eigen::Vector3d& x) const;
+    std::vector<RodConstraint> constraints(const RodState& now,
+                                           const SplineHolds& holds) const;
+    void hold_what_is_free(const RodState& now, const SplineHolds& holds,
+                           std::vector<RodConstraint>& out) const;
+    bool finds_rest(RodModel& model, const RodState& before, RodState& state) const;
+    std::shared_ptr<const SplineState> led(const SplineHolds& holds) const;
+    std::vector<Eigen::Vector3d> forces(const SplineHolds& holds,
+                                        const Eigen::VectorXd& multipliers) const;
+    std::shared_ptr<const SplineState> pushed(const State& from, const RodState& lead,
+                                              const SplineHolds& holds) const;
+    double energy_of(const RodState& state) const;
+    bool is_kept(const RodState& now, const SplineHolds& holds) const;
+
+    bool is_rod_, by_controls_;
+    double radius_;
+    double scale_ = 1.0;     ///< of its energy of YI = 1
+    double stiffness_ = 0.0; ///< the same of one that pushes back
+    std::vector<Eigen::Vector3d> points_;
+    std::vector<double> at_points_; ///< parameters
+    Rod rod_;
+    RodState rest_;
+    std::vector<Eigen::Vector3d> polyline_;
+    std::vector<LineStation> stations_; ///< of the polyline
+    Eigen::MatrixXd follow_; ///< of a curve through points: control points by points
+    std::shared_ptr<const SplineState> rest_state_;
 };
-
-/// As few places of a line as a rod through them needs to follow it.
-std::vector<Eigen::Vector3d> points_for_rod(std::span<const Eigen::Vector3d> line,
-                                            double tolerance);
-
-/// \p points [work]; \p radius of its tube [work]. Throws std::invalid_argument for a
-/// line without length.
-std::shared_ptr<const SplineHandle>
-make_spline_handle(const SplineStatement& statement,
-                   std::span<const Eigen::Vector3d> points, bool is_rod, double radius);
-
-/// A line that nothing here bends: its states come from elsewhere (led_rod.h). \p rest
-/// [work], without points to hold.
-std::shared_ptr<const SplineHandle> make_led_handle(const Spline& rest, double radius);
 
 } // namespace cellwarp::core

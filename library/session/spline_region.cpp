@@ -140,8 +140,8 @@ std::vector<Eigen::Vector3d> centre_points(const RegionStatement& statement,
     double length = 0.0;
     for (std::size_t k = 1; k < line.places.size(); ++k)
         length += (line.places[k] - line.places[k - 1]).norm();
-    return points_for_rod(line.places,
-                          std::max(kOffCentre * line.radius, kOffLength * length));
+    return few_points(line.places,
+                      std::max(kOffCentre * line.radius, kOffLength * length));
 }
 
 void put_led_rod(const LedRod& rod, const Units& units, Region& region)
@@ -160,8 +160,8 @@ void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3
     spline.spans = region.spans = spans_of(spline, points, units);
     try
     {
-        region.spline =
-            make_spline_handle(spline, points, is_rod, radius_of(spline, units));
+        region.spline = std::make_shared<const SplineHandle>(spline, points, is_rod,
+                                                             radius_of(spline, units));
     }
     catch (const std::invalid_argument& error)
     {

@@ -127,8 +127,8 @@ CarriedModel::with_rods(SessionSettings settings, const Simulation& simulation,
             Spline rest = start->state.curve();
             for (Eigen::Vector3d& control : rest.controls)
                 control = frame.to_work(start->to_model(control));
-            return make_led_handle(rest,
-                                   radius / start->unit / frame.length_to_model(1.0));
+            return std::make_shared<const SplineHandle>(
+                rest, radius / start->unit / frame.length_to_model(1.0));
         };
         settings.led_rods.push_back({carriers[k]->name(), at_rest});
     }

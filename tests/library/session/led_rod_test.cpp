@@ -48,8 +48,7 @@ std::shared_ptr<const SplineState> turned(const SplineHandle& rod)
 
 TEST(LedRod, is_on_the_way_where_each_place_has_gone_its_share)
 {
-    const std::shared_ptr<const SplineHandle> rod =
-        make_spline_handle(straight(), kPoints, true, 0.1);
+    const auto rod = std::make_shared<const SplineHandle>(straight(), kPoints, true, 0.1);
     const std::shared_ptr<const SplineState> to = turned(*rod);
     ASSERT_TRUE(to);
     EXPECT_EQ(on_the_way(*rod, rod->rest(), to, 1.0), to);
@@ -78,8 +77,7 @@ TEST(LedRod, is_on_the_way_where_each_place_has_gone_its_share)
 // keep still on the way.
 TEST(LedRod, bends_evenly_to_a_ring)
 {
-    const std::shared_ptr<const SplineHandle> rod =
-        make_spline_handle(straight(), kPoints, true, 0.1);
+    const auto rod = std::make_shared<const SplineHandle>(straight(), kPoints, true, 0.1);
     class Ring final : public LedState
     {
     public:

@@ -25,7 +25,7 @@ std::shared_ptr<const SplineHandle> straight_rod()
     SplineStatement statement;
     statement.form = SplineStatement::Form::Through;
     const std::vector<Vector3d> points = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}};
-    return make_spline_handle(statement, points, true, 0.1);
+    return std::make_shared<const SplineHandle>(statement, points, true, 0.1);
 }
 
 /// On an arc in the plane of x and z; without \p inner only its end is told.
