@@ -116,8 +116,7 @@ void CellSystem::make_minimizer()
     if (!rods_.empty())
         make_rods = [&](CellState& state, const GlueTerm& glue)
         {
-            std::unique_ptr<PushingSplines> made =
-                make_pushing_splines(state, glue, rods_);
+            auto made = std::make_unique<PushingSplines>(state, glue, rods_);
             pushing = made.get();
             return made;
         };

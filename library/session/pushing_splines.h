@@ -9,7 +9,7 @@
 
 #include "library/session/spline_handle.h"
 #include "octree/base/rigid_motion.h"
-#include "solver/cells/companion.h"
+#include "solver/coupled/pushing_rods.h"
 
 namespace cellwarp::core
 {
@@ -24,25 +24,30 @@ struct PushingSpline
     bool is_alone = false;                ///< nothing else holds its body
 };
 
-class PushingSplines : public Companion
+class PushingSplines final : public PushingRods
 {
 public:
-    virtual std::size_t size() const = 0;
+    /// For cells whose state and term keep their addresses.
+    PushingSplines(CellState& cells, const GlueTerm& glue,
+                   std::vector<PushingSpline> splines);
+
+    std::size_t size() const { return splines_.size(); }
     /// Whether a rod stays where it is while others and the cells are solved for.
-    virtual void lead(std::size_t rod, bool it_leads) = 0;
+    void lead(std::size_t rod, bool it_leads) { rods().lead(rod, it_leads); }
     /// A rod from here on, then moved as a whole.
-    virtual void set(std::size_t rod, const std::shared_ptr<const SplineState>& state,
-                     const Motion& motion) = 0;
+    void set(std::size_t rod, const std::shared_ptr<const SplineState>& state,
+             const Motion& motion);
     /// Where the last solve has left it.
-    virtual std::shared_ptr<const SplineState> solved(std::size_t rod) const = 0;
+    std::shared_ptr<const SplineState> solved(std::size_t rod) const;
     /// Holds are kept to first order in a solve: brings the rods back to where they hold
     /// exactly. Returns whether one had left.
-    virtual bool bring_back() = 0;
-};
+    bool bring_back();
 
-/// For cells whose state and term keep their addresses.
-std::unique_ptr<PushingSplines> make_pushing_splines(CellState& cells,
-                                                     const GlueTerm& glue,
-                                                     std::vector<PushingSpline> rods);
+private:
+    std::vector<RodConstraint> holds_of(std::size_t rod, const RodState& now) const;
+
+    std::vector<PushingSpline> splines_;
+    std::vector<std::shared_ptr<const SplineState>> states_; ///< as set
+};
 
 } // namespace cellwarp::core

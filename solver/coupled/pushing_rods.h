@@ -11,7 +11,7 @@
 namespace cellwarp::core
 {
 
-class PushingRods final : public Companion
+class PushingRods : public Companion
 {
 public:
     /// Both must outlive it.
