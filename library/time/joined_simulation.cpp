@@ -5,20 +5,13 @@
 #include <utility>
 
 #include "io/base/error.h"
-#include "io/base/number.h"
-#include "library/time/drawn_flesh.h"
 #include "octree/base/clock.h"
-#include "octree/base/index.h"
-#include "octree/pieces.h"
-#include "solver/joined/flesh_object.h"
 
 namespace cellwarp::core
 {
 
 namespace
 {
-
-using Eigen::Vector3d;
 
 /// In rows of changing equations, or at one end of a joint: not both.
 void refuse_what_joints_cannot_hold(const SceneFile& scene)
@@ -60,89 +53,6 @@ SceneFile without_settling(SceneFile scene)
 
 } // namespace
 
-/// The flesh as an object whose places are points of its rest shape.
-class JoinedSimulation::Holder final : public JoinedFlesh
-{
-public:
-    Holder(FleshSimulation& flesh, std::string path, const Vector3d& origin)
-        : flesh_(flesh), path_(std::move(path)), state_(flesh.snapshot().state)
-    {
-        const FleshModel& model = *flesh.body().model;
-        const double unit = model.scene.time->unit;
-        to_scene_.R = model.frame.axes.transpose();
-        to_scene_.t = unit * model.to_model(Vector3d::Zero()) - origin;
-    }
-
-    ArticulableObject& object() override
-    {
-        if (!object_)
-            object_ =
-                std::make_unique<FleshObject>(*flesh_.body().flesh, state_, to_scene_);
-        return *object_;
-    }
-    Vector3d place_at(const Vector3d& at, const std::string& where) override
-    {
-        const FleshPoint point = point_at(at, where);
-        return to_scene_(point.place + at_point(point.shares, state_.u));
-    }
-    int add_place(const Vector3d& at, const std::string& where) override
-    {
-        object();
-        places_.emplace_back(at, where);
-        return object_->add_place(point_at(at, where));
-    }
-
-    /// Before and after a step of both.
-    void begin()
-    {
-        if (lattice_ != flesh_.body().flesh)
-            take_lattice();
-        state_ = flesh_.snapshot().state;
-        const std::int64_t steps = flesh_.steps_done();
-        object_->lead(flesh_.motions_at(steps), flesh_.motions_at(steps + 1),
-                      flesh_.time().dt);
-    }
-    const FleshState& state() const { return state_; }
-
-private:
-    FleshPoint point_at(const Vector3d& at, const std::string& where) const
-    {
-        const FleshBody& body = flesh_.body();
-        const FleshModel& model = *body.model;
-        const Vector3d x = model.to_metres(at / model.scene.time->unit);
-        const Lattice& lattice = body.flesh->lattice();
-        const int cell = body.octree ? piece_at(model.rest->material.grid,
-                                                body.octree->pieces, x / model.metre)
-                                     : drawn_cell_of(lattice, x);
-        const std::optional<Vector3d> local =
-            cell < 0 ? std::nullopt : local_place(lattice, cell, x);
-        if (!local || local->minCoeff() < -kBeside || local->maxCoeff() > 1.0 + kBeside)
-            throw malformed({path_, 0, where},
-                            "the point (" + shortest(at.x()) + ", " + shortest(at.y()) +
-                                ", " + shortest(at.z()) +
-                                ") of the flesh, in metres, lies outside of it");
-        return {shares_at(lattice, cell, *local), x};
-    }
-
-    void take_lattice()
-    {
-        lattice_ = flesh_.body().flesh;
-        std::vector<FleshPoint> points;
-        for (const auto& [at, where] : places_)
-            points.push_back(point_at(at, where));
-        state_ = flesh_.snapshot().state;
-        object_->take(*lattice_, std::move(points));
-    }
-
-    FleshSimulation& flesh_;
-    const std::string path_;
-    Motion to_scene_;
-    FleshState state_;
-    std::shared_ptr<Flesh> lattice_ = flesh_.body().flesh;
-    std::unique_ptr<FleshObject> object_;
-    std::vector<std::pair<Vector3d, std::string>> places_;
-};
-
 JoinedSimulation::JoinedSimulation(std::shared_ptr<const Geometry> geometry,
                                    const SceneFile& scene, const RodScene& rods,
                                    const CellSettings& cells, bool is_tight,
@@ -158,10 +68,10 @@ JoinedSimulation::JoinedSimulation(std::shared_ptr<const Geometry> geometry,
             throw malformed({scene.path, 0, "skeleton.held"},
                             "flesh that is joined to something is held wholly, at points "
                             "that lie on corners of cells or beside them");
-        holder_ =
-            std::make_unique<Holder>(flesh_, scene.path, Simulation::origin_of(rods));
+        joined_ = std::make_unique<JoinedFlesh>(flesh_, scene.path,
+                                                Simulation::origin_of(rods));
     }
-    rods_ = std::make_unique<Simulation>(rods, holder_.get());
+    rods_ = std::make_unique<Simulation>(rods, joined_.get());
 }
 
 JoinedSimulation::~JoinedSimulation() = default;
@@ -176,19 +86,19 @@ std::vector<std::string> JoinedSimulation::warnings() const
 
 void JoinedSimulation::step()
 {
-    if (!holder_)
+    if (!joined_)
     {
         flesh_.step();
         rods_->step();
         return;
     }
     const Clock::time_point start = Clock::now();
-    holder_->begin();
+    joined_->begin();
     rods_->step();
     FleshReport report;
-    report.is_finite = holder_->state().u.allFinite() && holder_->state().v.allFinite();
+    report.is_finite = joined_->state().u.allFinite() && joined_->state().v.allFinite();
     report.is_converged = report.is_finite; // else the joined ones tell
-    flesh_.take_step(report.is_finite ? holder_->state() : flesh_.snapshot().state,
+    flesh_.take_step(report.is_finite ? joined_->state() : flesh_.snapshot().state,
                      report, ms_since(start));
 }
 

@@ -13,6 +13,7 @@
 #include "io/scene/rod_scene.h"
 #include "io/scene/scene_file.h"
 #include "library/time/flesh_simulation.h"
+#include "library/time/joined_flesh.h"
 #include "library/time/simulation.h"
 
 namespace cellwarp::core
@@ -39,9 +40,8 @@ public:
     void next_frame(const std::function<void()>& watch = {});
 
 private:
-    class Holder;
     FleshSimulation flesh_;
-    std::unique_ptr<Holder> holder_; ///< of the flesh, for the rods
+    std::unique_ptr<JoinedFlesh> joined_; ///< null: no joint holds the flesh
     std::unique_ptr<Simulation> rods_;
     std::vector<std::string> warnings_; ///< of the statements
 };

@@ -16,6 +16,7 @@
 #include "io/base/error.h"
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
+#include "library/time/joined_flesh.h"
 #include "library/time/key_motion.h"
 #include "library/time/rod_part.h"
 #include "library/time/solid_shapes.h"
@@ -310,7 +311,7 @@ Simulation::End Simulation::end_of(const JointEnd& end, const SlideStatement& sl
 void Simulation::keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const
 {
     constexpr double kNear = 0.1; // of the length
-    constexpr int kPlaces = 1000;
+    constexpr int kTries = 1000;
     const RodPart& part = *parts_->rods[rod];
     const bool is_closed = part.rod.basis().is_closed();
     const auto place = [&](double share)
@@ -323,9 +324,9 @@ void Simulation::keep_off_itself(std::size_t rod, double at, SlideStatement& sli
     if (!slide.start)
     {
         double least = std::numeric_limits<double>::infinity();
-        for (int k = 0; k <= kPlaces; ++k)
+        for (int k = 0; k <= kTries; ++k)
         {
-            const double share = double(k) / kPlaces;
+            const double share = double(k) / kTries;
             if (apart(share) < kNear || share < slide.range[0] || share > slide.range[1])
                 continue;
             if (const double away = (place(share) - place(at)).norm(); away < least)
@@ -361,14 +362,14 @@ namespace
 void start_nearest(const RodPart& a, const RodPart& b, SlideStatement& of_a,
                    SlideStatement& of_b)
 {
-    constexpr int kPlaces = 300;
+    constexpr int kTries = 300;
     const auto candidates = [](const SlideStatement& of)
     {
         if (of.start)
             return std::vector<double>{*of.start};
         std::vector<double> out;
-        for (int k = 0; k <= kPlaces; ++k)
-            if (const double share = double(k) / kPlaces;
+        for (int k = 0; k <= kTries; ++k)
+            if (const double share = double(k) / kTries;
                 of.range[0] <= share && share <= of.range[1])
                 out.push_back(share);
         return out;
@@ -1148,10 +1149,10 @@ Geometry Simulation::surface(int around) const
     const std::vector<SimulatedNet> nets = this->nets();
     for (std::size_t n = 0; n < nets.size(); ++n)
         add_net(scene_.nets[n], nets[n].points, around, out);
-    constexpr int kPlaces = 25; // along each side
-    const std::vector<SimulatedSheet> sheets = this->sheets(kPlaces);
+    constexpr int kAlongSide = 25; // places
+    const std::vector<SimulatedSheet> sheets = this->sheets(kAlongSide);
     for (std::size_t k = 0; k < sheets.size(); ++k)
-        add_sheet(sheets[k].name, sheets[k].points, kPlaces, out);
+        add_sheet(sheets[k].name, sheets[k].points, kAlongSide, out);
     return out;
 }
 

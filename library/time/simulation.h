@@ -19,24 +19,9 @@
 namespace cellwarp::core
 {
 
-class ArticulableObject;
+class JoinedFlesh;
 class RodPart;
 struct StepReport;
-
-/// What rods, bodies and nets may be joined to, and is built elsewhere: flesh.
-class JoinedFlesh
-{
-public:
-    virtual ~JoinedFlesh() = default;
-    virtual ArticulableObject& object() = 0;
-    /// Where a point of it is now, in the axes of object(). \p at: at rest, in those of
-    /// the scene [m]; \p where: the key of the joint. Throws Fault::Malformed for a point
-    /// outside.
-    virtual Eigen::Vector3d place_at(const Eigen::Vector3d& at,
-                                     const std::string& where) = 0;
-    /// Number of it as a place of object().
-    virtual int add_place(const Eigen::Vector3d& at, const std::string& where) = 0;
-};
 
 /// One rod, or a piece of one that was cut, as it is seen.
 struct SimulatedRod
