@@ -16,6 +16,7 @@
 #include "io/formats/geometry_file.h"
 #include "io/scene/skeleton_file.h"
 #include "io/scene/skinned_file.h"
+#include "library/session/json.h"
 #include "library/session/limbs.h"
 #include "library/session/retargeted_motion.h"
 #include "octree/base/index.h"

@@ -12,12 +12,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "editor/cli/page.h"
-#include "editor/cli/plot.h"
+#include "editor/cli/report.h"
 #include "io/base/error.h"
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
 #include "library/session/session.h"
+#include "library/session/session_request.h"
 #include "library/time/in_time.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
@@ -28,14 +28,30 @@ namespace cellwarp::core
 namespace
 {
 
-// Gates: what is worse is a fault.
-constexpr double kMostRise = 1e-12, kMostResidual = 1e-9, kMostOff = 1e-12;
-/// Of the energy of what moves alone; each step is solved to a tolerance.
-constexpr double kMostGrowth = 1e-3;
 /// Of a frame's solve [s].
 constexpr double kTime = 120.0;
-/// What is lost beyond what the coordinates of the model themselves have lost.
-constexpr double kMostDigitsLost = 7.0;
+
+/// A number of a row. What is more than \ref most is a fault.
+struct Measure
+{
+    const char* key;
+    std::optional<double> StabilityRow::*value;
+    const char* fault = nullptr; ///< null: it may be anything
+    double most = 0.0;
+};
+
+constexpr Measure kMeasures[] = {
+    {"energy_rise", &StabilityRow::rise, "the energy rises by", 1e-12},
+    {"gradient", &StabilityRow::gradient},
+    {"handle_residual", &StabilityRow::residual, "handles are missed by", 1e-9},
+    {"inverted_share", &StabilityRow::inverted},
+    {"largest_jump_degrees", &StabilityRow::jump},
+    {"orthonormality", &StabilityRow::orthonormality, "rotations are off by", 1e-12},
+    // Beyond what the coordinates of the model themselves have lost.
+    {"digits_lost", &StabilityRow::digits_lost, "digits lost:", 7.0},
+    {"constraint", &StabilityRow::violation},
+    // Of the energy of what moves alone; each step is solved to a tolerance.
+    {"energy_growth", &StabilityRow::growth, "the energy grows by", 1e-3}};
 
 /// What a run leaves to be compared.
 struct Result
@@ -169,22 +185,15 @@ Result follow(const StabilityCase& of, StabilityRow& row)
 /// What a case may not miss.
 void judge(const Result& result, StabilityRow& row)
 {
-    const auto gate =
-        [&](const std::optional<double>& value, double most, const std::string& what)
-    {
-        if (value && !(*value <= most))
-            row.faults.push_back(
-                fmt::format("{} {:.2g}, more than {:.2g}", what, *value, most));
-    };
     if (!result.is_finite())
         row.faults.push_back("a result that is no number");
     if (row.has_same_bits && !*row.has_same_bits)
         row.faults.push_back("other bits when it is run again");
-    gate(row.rise, kMostRise, "the energy rises by");
-    gate(row.residual, kMostResidual, "handles are missed by");
-    gate(row.orthonormality, kMostOff, "rotations are off by");
-    gate(row.digits_lost, kMostDigitsLost, "digits lost:");
-    gate(row.growth, kMostGrowth, "the energy grows by");
+    for (const auto& [key, value, fault, most] : kMeasures)
+        if (const std::optional<double>& found = row.*value;
+            fault && found && !(*found <= most))
+            row.faults.push_back(
+                fmt::format("{} {:.2g}, more than {:.2g}", fault, *found, most));
 }
 
 /// How many digits of 16 are not those of another scene's result. What the rounding of
@@ -246,36 +255,6 @@ StabilityRow run_case(const StabilityCase& of, std::map<std::string, Result>& re
     return row;
 }
 
-// Columns of the table: a name, how a row has it, and what it means.
-struct Column
-{
-    const char* name;
-    const char* meaning;
-    std::optional<double> (*value)(const StabilityRow&);
-};
-
-constexpr Column kColumns[] = {
-    {"energy rise", "largest of one step of the solver, of the energy it began at",
-     [](const StabilityRow& row) { return row.rise; }},
-    {"gradient", "relative, at the end",
-     [](const StabilityRow& row) { return row.gradient; }},
-    {"handles", "farthest sample of a region from where its motion puts it [diagonal]",
-     [](const StabilityRow& row) { return row.residual; }},
-    {"inverted", "share of triangles that look against where their cell has turned them",
-     [](const StabilityRow& row) { return row.inverted; }},
-    {"jump", "largest angle between glued cells [degree]",
-     [](const StabilityRow& row) { return row.jump; }},
-    {"rotations", "largest |R^T R - I|",
-     [](const StabilityRow& row) { return row.orthonormality; }},
-    {"digits lost",
-     "of 16, against the same scene in plain units, beyond what the "
-     "rounding of its coordinates takes",
-     [](const StabilityRow& row) { return row.digits_lost; }},
-    {"constraints", "largest violation [m, rad]",
-     [](const StabilityRow& row) { return row.violation; }},
-    {"energy growth", "of what nothing drives, over its first, of what it moves",
-     [](const StabilityRow& row) { return row.growth; }}};
-
 template <class Value>
 Json or_null(const std::optional<Value>& value)
 {
@@ -300,31 +279,37 @@ std::vector<StabilityRow> run_stability(const std::vector<StabilityCase>& cases,
 
 Json stability_json(const std::vector<StabilityRow>& rows)
 {
-    Json cases = Json::array();
+    Json cases = Json::array(), gates = Json::object();
     std::size_t faulty = 0;
     for (const StabilityRow& row : rows)
     {
         faulty += !row.faults.empty();
-        cases.push_back({{"group", row.of.group},
-                         {"name", row.of.name},
-                         {"scene", row.of.path},
-                         {"outcome", row.outcome},
-                         {"faults", row.faults},
-                         {"cells", or_null(row.cells)},
-                         {"iterations", or_null(row.iterations)},
-                         {"energy_rise", or_null(row.rise)},
-                         {"gradient", or_null(row.gradient)},
-                         {"handle_residual", or_null(row.residual)},
-                         {"inverted_share", or_null(row.inverted)},
-                         {"largest_jump_degrees", or_null(row.jump)},
-                         {"orthonormality", or_null(row.orthonormality)},
-                         {"digits_lost", or_null(row.digits_lost)},
-                         {"constraint", or_null(row.violation)},
-                         {"energy_growth", or_null(row.growth)},
-                         {"same_bits", or_null(row.has_same_bits)},
-                         {"seconds", row.seconds}});
+        Json json = {{"group", row.of.group},
+                     {"name", row.of.name},
+                     {"scene", row.of.path},
+                     {"outcome", row.outcome},
+                     {"faults", row.faults},
+                     {"cells", or_null(row.cells)},
+                     {"iterations", or_null(row.iterations)}};
+        for (const Measure& measure : kMeasures)
+            json[measure.key] = or_null(row.*measure.value);
+        json["same_bits"] = or_null(row.has_same_bits);
+        json["seconds"] = row.seconds;
+        cases.push_back(std::move(json));
     }
-    return {{"cases", cases}, {"faulty", faulty}};
+    for (const Measure& measure : kMeasures)
+        if (measure.fault)
+            gates[measure.key] = measure.most;
+    return {{"cases", cases}, {"faulty", faulty}, {"gates", gates}};
+}
+
+std::string stability_csv(const Json& json)
+{
+    const Json& cases = json["cases"];
+    std::vector<CsvColumn> columns;
+    for (const auto& item : cases.front().items())
+        columns.push_back({item.key(), item.key()});
+    return csv_text(columns, cases);
 }
 
 std::vector<std::string> stability_sentences(const std::vector<StabilityRow>& rows)
@@ -347,49 +332,6 @@ std::vector<std::string> stability_sentences(const std::vector<StabilityRow>& ro
             sentences.push_back(fmt::format("{} ({}): {}.", row.of.name, row.outcome,
                                             fmt::join(row.faults, "; ")));
     return sentences;
-}
-
-std::string stability_page(const std::vector<StabilityRow>& rows)
-{
-    std::string body = "<h1>Stability on stiff and extreme cases</h1>\n<ul>\n";
-    for (const std::string& sentence : stability_sentences(rows))
-        body += "<li>" + in_markup(sentence) + "</li>\n";
-    body += "</ul>\n<div class=\"wide\"><table>\n<tr><th class=\"word\">case</th>"
-            "<th class=\"word\">outcome</th><th>cells</th><th>iterations</th>";
-    for (const Column& column : kColumns)
-        body += fmt::format("<th title=\"{}\">{}</th>", in_markup(column.meaning),
-                            column.name);
-    body += "<th>same bits</th><th>s</th></tr>\n";
-    std::string group;
-    for (const StabilityRow& row : rows)
-    {
-        if (row.of.group != group)
-            body += fmt::format("<tr class=\"begins\"><td class=\"word\" "
-                                "colspan=\"15\"><b>{}</b></td></tr>\n",
-                                in_markup(row.of.group));
-        group = row.of.group;
-        const auto whole = [](const auto& value)
-        { return value ? std::to_string(*value) : std::string(); };
-        body += fmt::format("<tr><td class=\"word\">{}{}</td><td class=\"word\">{}</td>"
-                            "<td>{}</td><td>{}</td>",
-                            row.faults.empty() ? "" : "&#9888; ", in_markup(row.of.name),
-                            in_markup(row.outcome.substr(0, 60)), whole(row.cells),
-                            whole(row.iterations));
-        for (const Column& column : kColumns)
-        {
-            const std::optional<double> value = column.value(row);
-            body += "<td>" + (value ? fmt::format("{:.2g}", *value) : "") + "</td>";
-        }
-        body += fmt::format("<td>{}</td><td>{:.2f}</td></tr>\n",
-                            !row.has_same_bits   ? ""
-                            : *row.has_same_bits ? "yes"
-                                                 : "no",
-                            row.seconds);
-    }
-    body += "</table></div>\n<p class=\"soft\">";
-    for (const Column& column : kColumns)
-        body += fmt::format("<b>{}</b>: {}. ", column.name, in_markup(column.meaning));
-    return html_page("Stability", body + "</p>\n");
 }
 
 } // namespace cellwarp::core

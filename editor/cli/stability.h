@@ -15,17 +15,6 @@
 namespace cellwarp::core
 {
 
-/// A scene that is there as files.
-struct StabilityCase
-{
-    std::string group, name, path;
-    bool is_in_time = false;
-    std::string same_as; ///< see ExtremeScene
-    double scale = 1.0;
-    Eigen::Vector3d offset = Eigen::Vector3d::Zero();
-    bool is_left_alone = false;
-};
-
 /// How it ended. What a case cannot tell is empty.
 struct StabilityRow
 {
@@ -54,9 +43,11 @@ struct StabilityRow
 std::vector<StabilityRow> run_stability(const std::vector<StabilityCase>& cases,
                                         const std::function<void(std::size_t)>& watch);
 
+/// Of each case all of its row; how many have faults; the most that is no fault, by key.
 Json stability_json(const std::vector<StabilityRow>& rows);
-/// A page with one row a case and what broke first.
-std::string stability_page(const std::vector<StabilityRow>& rows);
+/// A line for each case of \p json, which is stability_json(), with its keys as columns.
+/// \pre there is a case
+std::string stability_csv(const Json& json);
 /// What came out, one a sentence.
 std::vector<std::string> stability_sentences(const std::vector<StabilityRow>& rows);
 

@@ -84,8 +84,8 @@ ExtremeScene edit_of(const std::string& group, const std::string& name,
                      const std::string& cells = "\"across\": 12, \"max_depth\": 0")
 {
     ExtremeScene scene;
-    scene.group = group;
-    scene.name = name;
+    scene.of.group = group;
+    scene.of.name = name;
     scene.scene = fmt::format("{{\"cellwarp\": 1, \"model\": \"{}\", \"handles\": "
                               "\"{}.handles\", \"cells\": {{{}}}}}\n",
                               model.name, name, cells);
@@ -145,9 +145,9 @@ void add_scaled(std::vector<ExtremeScene>& scenes)
         ExtremeScene scene =
             edit_of("scale and offset", name, {name + ".obj", kBar.obj(scale, at)},
                     std::string(kRelative) + kEnds + kBend);
-        scene.same_as = "bar";
-        scene.scale = scale;
-        scene.offset = at;
+        scene.of.same_as = "bar";
+        scene.of.scale = scale;
+        scene.of.offset = at;
         scenes.push_back(std::move(scene));
     };
     add("scale-1e30", 1e30, 0.0);
@@ -236,10 +236,10 @@ ExtremeScene in_time(const std::string& group, const std::string& name,
                      const std::string& scene)
 {
     ExtremeScene out;
-    out.group = group;
-    out.name = name;
+    out.of.group = group;
+    out.of.name = name;
     out.scene = scene + "\n";
-    out.is_in_time = true;
+    out.of.is_in_time = true;
     return out;
 }
 
@@ -255,7 +255,7 @@ void add_rods(std::vector<ExtremeScene>& scenes, std::int64_t long_steps)
                             "\"E\": {}, \"fixed\": [{{\"at\": 0}}]}}], \"simulate\": "
                             "{{\"dt\": {}, \"duration\": 0.33, \"every\": {}}}}}",
                             young, dt, std::round(0.033 / dt) * dt)));
-            scenes.back().is_left_alone = true;
+            scenes.back().of.is_left_alone = true;
         }
     for (const char* friction : {"0", "0.3"})
     {
@@ -271,7 +271,7 @@ void add_rods(std::vector<ExtremeScene>& scenes, std::int64_t long_steps)
                 "\"viscosity\": 0.01}}}}",
                 friction, 1e-3 * static_cast<double>(long_steps),
                 2e-5 * static_cast<double>(long_steps))));
-        scenes.back().is_left_alone = true;
+        scenes.back().of.is_left_alone = true;
     }
 }
 

@@ -18,12 +18,12 @@ struct SceneText
     std::string name, text;
 };
 
-struct ExtremeScene
+/// A scene to be run.
+struct StabilityCase
 {
     std::string group; ///< "rotations", "teleports", ...
     std::string name;  ///< of its file, without ".json"
-    std::string scene; ///< JSON
-    std::vector<SceneText> files;
+    std::string path;
     bool is_in_time = false; ///< for simulate
 
     /// The scene whose result this one would have, but for rounding: it is that one times
@@ -33,6 +33,13 @@ struct ExtremeScene
     Eigen::Vector3d offset = Eigen::Vector3d::Zero();
     /// The energy of what moves may not grow: nothing drives it.
     bool is_left_alone = false;
+};
+
+struct ExtremeScene
+{
+    StabilityCase of;  ///< its path is empty until it is a file
+    std::string scene; ///< JSON
+    std::vector<SceneText> files;
 };
 
 /// All, in groups; those that others are compared with first. Scenes of one group differ

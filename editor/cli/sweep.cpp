@@ -14,10 +14,11 @@
 #include "editor/cli/machine.h"
 #include "editor/cli/pictures.h"
 #include "editor/cli/progress.h"
+#include "editor/cli/report.h"
 #include "editor/cli/session_flags.h"
 #include "editor/cli/stability.h"
-#include "editor/cli/sweep_page.h"
 #include "editor/cli/sweep_report.h"
+#include "io/base/base64.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
@@ -184,14 +185,20 @@ public:
                         at({path_, 0, ""}, "cannot make it: " + problem.message()));
     }
     std::string place_of(const std::string& name) const { return path_ + "/" + name; }
-    void write(const std::string& name, const std::string& bytes)
+    /// Writes \p name .json, .csv and .html, and the first of them or \p findings on
+    /// stdout. \p page: what the page draws beside \p report.
+    void write(const std::string& name, const Json& report, const std::string& csv,
+               const std::vector<std::string>& findings, Json page, bool is_json)
     {
-        outputs_.write(place_of(name), bytes);
-    }
-    /// All that was written, and \p for_stdout.
-    void commit(const std::string& for_stdout = "")
-    {
-        outputs_.write("-", for_stdout);
+        page["report"] = report;
+        page["findings"] = findings;
+        const std::string json = json_text(report), html = place_of(name + ".html");
+        outputs_.write(place_of(name + ".json"), json);
+        outputs_.write(place_of(name + ".csv"), csv);
+        outputs_.write(html, report_page(page));
+        outputs_.write(
+            "-",
+            is_json ? json : fmt::format("{}\n{}\n", fmt::join(findings, "\n"), html));
         outputs_.commit();
     }
 
@@ -223,25 +230,29 @@ const SweepRow* row_to_show(const std::vector<SweepRow>& rows)
     return best;
 }
 
-SweepPictures draw_sweep(const SweepInput& input, const SweepReport& report,
-                         bool is_wanted)
+/// Three pictures in one, and what is seen in them from left to right; without, why.
+Json draw_sweep(const SweepInput& input, const SweepReport& report, bool is_wanted)
 {
+    const auto picture = [](const std::string& png, const std::string& caption) {
+        return Json{{"png", base64_encoded(png)}, {"caption", caption}};
+    };
     if (!is_wanted)
-        return {"", "No pictures were asked for."};
+        return picture("", "No pictures were asked for.");
     const std::optional<Pictures> pictures = make_pictures();
     if (!pictures)
-        return {"", "No pictures: this build has none (CELLWARP_PICTURE is off)."};
+        return picture("", "No pictures: this build has none (CELLWARP_PICTURE is off).");
     const SweepRow* const row = row_to_show(report.result.rows);
     const SweepRow& shown = row ? *row : report.result.rows.front();
     const Session session = play_case(input, report.settings, shown.of);
     pictures->add(session, session.geometry().samples, false);
     pictures->add(session, report.result.reference, false);
     pictures->add(session, session.deformed().samples, true);
-    return {pictures->png(),
-            fmt::format("At rest; the reference's result; the result of {} with its {} "
-                        "cells as glass. Grey is fixed, blue free, yellow a handle, "
-                        "purple a pin, green stiff.",
-                        case_name(shown.of), shown.cells)};
+    return picture(
+        pictures->png(),
+        fmt::format("At rest; the reference's result; the result of {} with its {} cells "
+                    "as glass. Grey is fixed, blue free, yellow a handle, purple a pin, "
+                    "green stiff.",
+                    case_name(shown.of), shown.cells));
 }
 
 /// How far a sweep is: runs done, and the present one by its frames.
@@ -297,7 +308,8 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                                     : !flags.session.model.empty())
         throw wrong_flag("--stability", "runs scenes: name one, or none for all that "
                                         "ship");
-    ReportFolder folder(flags.output, {"stability.json", "stability.html"},
+    ReportFolder folder(flags.output,
+                        {"stability.json", "stability.csv", "stability.html"},
                         common.overwrite());
     std::vector<StabilityCase> cases;
     for (const std::string& scene : flags.session.model.empty()
@@ -314,23 +326,23 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                       { return is_left_out(of.group, of.name); });
     std::vector<ExtremeScene> extremes = extreme_scenes(flags.long_steps);
     // What others are compared with is needed with them.
-    std::erase_if(extremes, [&](const ExtremeScene& of)
-                  { return of.group != "base" && is_left_out(of.group, of.name); });
+    std::erase_if(extremes,
+                  [&](const ExtremeScene& extreme) {
+                      return extreme.of.group != "base" &&
+                             is_left_out(extreme.of.group, extreme.of.name);
+                  });
     if (cases.empty() && extremes.size() == 1)
         throw wrong_flag("--only", "no case has " + in_quotes(flags.only));
     folder.make();
     ReportFolder scenes(folder.place_of("scenes"), {}, Overwrite::Yes);
     scenes.make();
-    for (const ExtremeScene& extreme : extremes)
+    for (ExtremeScene& extreme : extremes)
     {
         for (const SceneText& file : extreme.files)
             write_file(scenes.place_of(file.name), file.text, Overwrite::Yes);
-        write_file(scenes.place_of(extreme.name + ".json"), extreme.scene,
-                   Overwrite::Yes);
-        cases.push_back({extreme.group, extreme.name,
-                         scenes.place_of(extreme.name + ".json"), extreme.is_in_time,
-                         extreme.same_as, extreme.scale, extreme.offset,
-                         extreme.is_left_alone});
+        extreme.of.path = scenes.place_of(extreme.of.name + ".json");
+        write_file(extreme.of.path, extreme.scene, Overwrite::Yes);
+        cases.push_back(extreme.of);
     }
     Progress progress(common);
     const std::vector<StabilityRow> rows = run_stability(
@@ -341,13 +353,9 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                           fmt::format("{}/{}: {}", k + 1, cases.size(), cases[k].name));
         });
     progress.end();
-    const std::string json = json_text(stability_json(rows));
-    folder.write("stability.json", json);
-    folder.write("stability.html", stability_page(rows));
-    folder.commit(common.is_json ? json
-                                 : fmt::format("{}\n{}\n",
-                                               fmt::join(stability_sentences(rows), "\n"),
-                                               folder.place_of("stability.html")));
+    const Json json = stability_json(rows);
+    folder.write("stability", json, stability_csv(json), stability_sentences(rows),
+                 {{"kind", "stability"}}, common.is_json);
     return std::any_of(rows.begin(), rows.end(),
                        [](const StabilityRow& row) { return !row.faults.empty(); })
                ? 7
@@ -394,18 +402,11 @@ int run(SweepFlags flags, const CommonFlags& common)
     warnings.insert(warnings.begin(), request.warnings.begin(), request.warnings.end());
     print_warnings(warnings, common);
 
-    const std::string json = json_text(sweep_json(report));
-    const std::string csv = sweep_csv(report);
-    const std::string page =
-        sweep_page(report, draw_sweep(input, report, !flags.has_no_pictures));
+    const Json json = sweep_json(report);
+    const Json picture = draw_sweep(input, report, !flags.has_no_pictures);
     folder.make();
-    folder.write("report.json", json);
-    folder.write("report.csv", csv);
-    folder.write("report.html", page);
-    folder.commit(common.is_json
-                      ? json
-                      : fmt::format("{}\n{}\n", fmt::join(sweep_sentences(report), "\n"),
-                                    folder.place_of("report.html")));
+    folder.write("report", json, sweep_csv(json), sweep_sentences(report),
+                 {{"kind", "sweep"}, {"picture", picture}}, common.is_json);
     return report.result.is_converged() ? 0 : 7;
 }
 
@@ -477,13 +478,14 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
                       "thresholds, the session with each of them taken back alone, and "
                       "with all (--energy botsch07), in uniform and adaptive cells "
                       "(column without)");
-    command->add_flag("--stability", flags->is_stability,
-                      "the extremes instead: the scene, or all that ship, and scenes at "
-                      "the ends of stiffness, rotation, distance, scale, size and step, "
-                      "which are left in the folder scenes; each twice, with what a "
-                      "stable method keeps. Writes stability.json and stability.html; "
-                      "exit code 7: a case ends otherwise than documented, or misses a "
-                      "gate");
+    command->add_flag(
+        "--stability", flags->is_stability,
+        "the extremes instead: the scene, or all that ship, and scenes at "
+        "the ends of stiffness, rotation, distance, scale, size and step, "
+        "which are left in the folder scenes; each twice, with what a "
+        "stable method keeps. Writes stability.json, stability.csv and "
+        "stability.html; exit code 7: a case ends otherwise than documented, or misses a "
+        "gate");
     command
         ->add_option("--long-steps", flags->long_steps,
                      fmt::format("of --stability: steps of its longest runs in time "

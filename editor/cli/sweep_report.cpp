@@ -4,9 +4,8 @@
 #include <algorithm>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
-#include "io/base/number.h"
+#include "editor/cli/report.h"
 
 namespace cellwarp::core
 {
@@ -172,45 +171,6 @@ Json machine_json(const SweepReport& report)
             {"version", report.machine.version}};
 }
 
-/// A field of a CSV line, in quotes where it needs them (RFC 4180).
-std::string in_csv(const std::string& text)
-{
-    if (text.find_first_of("\",\r\n") == std::string::npos)
-        return text;
-    std::string quoted = "\"";
-    for (const char c : text)
-        quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-    return quoted + "\"";
-}
-
-/// The part of a line that a row without a result leaves empty.
-std::vector<std::string> measured_fields(const SweepRow& row)
-{
-    constexpr std::size_t kFields = 19;
-    if (!row.is_done())
-        return std::vector<std::string>(kFields);
-    const std::optional<Deviation>& of_field = row.parts.of_field;
-    return {shortest(row.error.largest),
-            shortest(row.error.rms),
-            field_name(row.parts.finest),
-            of_field ? shortest(of_field->largest) : "",
-            of_field ? shortest(of_field->rms) : "",
-            shortest(row.parts.of_cells.largest),
-            shortest(row.parts.of_cells.rms),
-            fmt::to_string(row.cells),
-            shortest(row.cell_edge),
-            fmt::to_string(row.iterations),
-            shortest(row.seconds.total),
-            shortest(row.seconds.load),
-            shortest(row.seconds.cells),
-            shortest(row.seconds.solve),
-            shortest(row.seconds.field_fit),
-            shortest(row.seconds.field_apply),
-            shortest(row.peak_mb),
-            shortest(row.frames.back().solve.energy_after),
-            shortest(row.frames.back().solve.gradient)};
-}
-
 std::string number_text(const std::optional<double>& number)
 {
     return number ? fmt::format("{:.2f}", *number) : "unknown";
@@ -328,36 +288,47 @@ Json sweep_json(const SweepReport& report)
     return json;
 }
 
-std::string sweep_csv(const SweepReport& report)
+std::string sweep_csv(const Json& json)
 {
-    std::string csv =
-        "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,"
-        "finest_interpolator,field_max,field_rms,cells_max,cells_rms,cells,cell_edge,"
-        "iterations,seconds,load_seconds,cells_seconds,solve_seconds,field_fit_seconds,"
-        "field_apply_seconds,peak_mb,energy,gradient,stop,scene";
-    if (!report.against.empty())
-        csv += ",against_max,against_rms";
-    csv += report.settings.takes_back ? ",without\n" : "\n";
-    for (const SweepRow& row : report.result.rows)
+    std::vector<CsvColumn> columns = {
+        {"kind", "kind"},
+        {"threshold", "threshold"},
+        {"max_depth", "max_depth"},
+        {"interpolator", "interpolator"},
+        {"max_iterations", "max_iterations"},
+        {"max_error", "max_error"},
+        {"rms_error", "rms_error"},
+        {"finest_interpolator", "error_parts/finest"},
+        {"field_max", "error_parts/field/largest"},
+        {"field_rms", "error_parts/field/rms"},
+        {"cells_max", "error_parts/cells/largest"},
+        {"cells_rms", "error_parts/cells/rms"},
+        {"cells", "cells"},
+        {"cell_edge", "cell_edge"},
+        {"iterations", "iterations"},
+        {"seconds", "seconds"},
+        {"load_seconds", "stage_seconds/load"},
+        {"cells_seconds", "stage_seconds/cells"},
+        {"solve_seconds", "stage_seconds/solve"},
+        {"field_fit_seconds", "stage_seconds/field_fit"},
+        {"field_apply_seconds", "stage_seconds/field_apply"},
+        {"peak_mb", "peak_mb"},
+        {"energy", "energy"},
+        {"gradient", "gradient"},
+        {"stop", "stop"},
+        {"scene", "scene"}};
+    Json rows = json["rows"];
+    for (Json& row : rows)
+        row["scene"] = json["scene"];
+    const auto add_if_any = [&](const char* key)
     {
-        const bool is_adaptive = row.of.kind == SweepKind::Adaptive;
-        std::vector<std::string> fields = {
-            kind_name(row.of.kind), is_adaptive ? shortest(row.of.threshold) : "",
-            fmt::to_string(row.of.depth), field_name(row.of.field),
-            fmt::to_string(row.of.max_iterations)};
-        const std::vector<std::string> measured = measured_fields(row);
-        fields.insert(fields.end(), measured.begin(), measured.end());
-        fields.push_back(stop_of(row));
-        fields.push_back(in_csv(report.scene));
-        if (!report.against.empty())
-            for (double Deviation::*const measure :
-                 {&Deviation::largest, &Deviation::rms})
-                fields.push_back(row.against ? shortest((*row.against).*measure) : "");
-        if (report.settings.takes_back)
-            fields.push_back(row.of.taken_back ? row.of.taken_back->name : "");
-        csv += fmt::format("{}\n", fmt::join(fields, ","));
-    }
-    return csv;
+        if (std::any_of(rows.begin(), rows.end(),
+                        [&](const Json& row) { return row.contains(key); }))
+            columns.push_back({key, key});
+    };
+    for (const char* key : {"against_max", "against_rms", "without"})
+        add_if_any(key);
+    return csv_text(columns, rows);
 }
 
 std::vector<std::string> sweep_sentences(const SweepReport& report)
@@ -383,22 +354,6 @@ std::vector<std::string> sweep_sentences(const SweepReport& report)
     for (const Saving& saving : savings_of(report.result.rows))
         sentences.push_back(saving_sentence(saving));
     return sentences;
-}
-
-std::string settings_text(const SweepReport& report)
-{
-    const SweepSettings& settings = report.settings;
-    const CellSettings& cells = settings.session.cells;
-    return fmt::format(
-        "{} of {} coarsest cells along the longest side, reference at depth {}, gap {:g} "
-        "of the diagonal, at most {} cells; solver {}, gradient {:g} (reference {:g}), "
-        "at "
-        "most {} iterations a frame; times and memory are medians of {} runs, the "
-        "reference's of one",
-        fill_name(cells), report.result.across, settings.max_depth, cells.gap,
-        cells.max_cells, method_name(settings.session.method),
-        settings.session.gradient_tolerance, kReferenceTolerance,
-        settings.session.max_iterations, settings.runs);
 }
 
 } // namespace cellwarp::core

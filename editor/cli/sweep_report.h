@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A sweep as data: JSON with every detail, CSV with a line a row, and sentences that say
-// what came out. The page is the business of sweep_page.h.
+// what came out. Its page is in report.html.
 #pragma once
 
 #include <string>
@@ -30,16 +30,13 @@ struct SweepReport
 /// others are the same in every run, on every machine but for `machine`.
 Json sweep_json(const SweepReport& report);
 
-/// A header, then a line for each row. Numbers have all their digits; what a row has not
-/// is empty. The columns against_max and against_rms are there, as the last ones, where
-/// there is a result from elsewhere.
-std::string sweep_csv(const SweepReport& report);
+/// A line for each row of \p json, which is sweep_json(). The columns against_max and
+/// against_rms are there where there is a result from elsewhere, and without where
+/// departures are taken back.
+std::string sweep_csv(const Json& json);
 
 /// How far the reference is from a result from elsewhere, the orders of convergence, what
 /// the fields add to the cells' own error, and what adaptive cells save, one a sentence.
 std::vector<std::string> sweep_sentences(const SweepReport& report);
-
-/// "fill solid, 32 cells across, ..."
-std::string settings_text(const SweepReport& report);
 
 } // namespace cellwarp::core

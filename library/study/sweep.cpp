@@ -472,7 +472,7 @@ std::optional<FieldChoice> field_of_name(const std::string& name)
                     : std::nullopt;
 }
 
-std::string cells_name(const SweepCase& of)
+std::string case_name(const SweepCase& of)
 {
     std::string name = kind_name(of.kind);
     if (of.kind == SweepKind::Uniform)
@@ -481,12 +481,7 @@ std::string cells_name(const SweepCase& of)
         name += fmt::format(" {:g}", of.threshold);
     if (of.kind == SweepKind::Adaptive && of.is_above_reference())
         name += fmt::format(" to depth {}", of.depth);
-    return name;
-}
-
-std::string case_name(const SweepCase& of)
-{
-    std::string name = fmt::format("{}, {}", cells_name(of), field_name(of.field));
+    name += ", " + field_name(of.field);
     if (of.is_limited)
         name += fmt::format(", {} iterations", of.max_iterations);
     if (of.taken_back)

@@ -71,9 +71,8 @@ struct SweepCase
     bool is_above_reference() const { return depth < reference_depth; }
 };
 
-/// "uniform 1", "adaptive 0.001"; a depth that is not the reference's.
-std::string cells_name(const SweepCase& of);
-/// "uniform 1, blend", "adaptive 0.001, rbf"; a depth, a limit that is not the usual one.
+/// "uniform 1, blend", "adaptive 0.001, rbf"; a depth that is not the reference's, a
+/// limit that is not the usual one.
 std::string case_name(const SweepCase& of);
 
 /// The files of a session. They are read anew for each run, as a single edit would.
