@@ -57,6 +57,8 @@ struct Checkpoint
     std::optional<FrameReport> report; ///< none before the first frame
     std::vector<std::string> warnings;
     std::size_t frames_done = 0;
+    /// The cells of the octree; null: they are cut anew, which takes time but no memory.
+    std::shared_ptr<const Body> body = nullptr;
 };
 
 /// At most kMostCheckpoints, and of no more memory than \p most_bytes but for the newest

@@ -97,23 +97,6 @@ struct Session::StageState
     std::unique_ptr<Field> field;
 };
 
-/// A state of the session to roll back to. The cells are shared, not copied.
-struct Session::Standing
-{
-    ScriptPlace place;
-    std::shared_ptr<const StageStart> start;
-    std::shared_ptr<const Body> body;
-    CellSystemState system;
-    StageAims aims;
-    SolveReport last_solve;
-    std::vector<std::string> warnings;
-    PartCounts parts;
-    std::vector<std::shared_ptr<const SplineState>> led;
-    std::shared_ptr<const DeformedSamples> deformed;
-    std::size_t frames_done, num_reports, num_committed;
-    bool is_deformed_current;
-};
-
 Session::~Session() = default;
 Session::Session(Session&&) noexcept = default;
 Session& Session::operator=(Session&&) noexcept = default;
@@ -366,24 +349,56 @@ void Session::go_back()
     start_stage(rest);
 }
 
+Checkpoint Session::checkpoint() const
+{
+    const StageState& s = *state_;
+    Checkpoint here{script_.up_to({stage_, frame_}),
+                    {stage_, frame_},
+                    s.start,
+                    s.system.body().octree,
+                    s.system.state(),
+                    s.aims,
+                    s.last_solve,
+                    std::nullopt,
+                    warnings_,
+                    frames_done_,
+                    s.system.shared_body()};
+    if (frame_ > 0)
+        here.report = reports_.back();
+    return here;
+}
+
+/// Without the state of the stage, which make_state() makes.
+void Session::leave_for(const Checkpoint& to)
+{
+    state_.reset();
+    rest_ = to.start->rest;
+    stage_ = to.place.stage;
+    frame_ = to.place.frame;
+    warnings_ = to.warnings;
+    frames_done_ = to.frames_done;
+}
+
+void Session::make_state(const Checkpoint& at)
+{
+    auto state = std::make_unique<StageState>(
+        at.start,
+        CellSystem(at.body ? at.body
+                           : std::make_shared<const Body>(cut(rest_->shape, at.octree)),
+                   at.start->regions, system_settings()));
+    state->system.set_state(at.system);
+    state->aims = at.aims;
+    state->last_solve = at.last_solve;
+    state_ = std::move(state);
+}
+
 void Session::go_to(const Checkpoint& kept)
 {
-    const Checkpoint state = kept; // what is kept may change on the way
-    rest_ = state.start->rest;
-    stage_ = state.place.stage;
-    frame_ = state.place.frame;
-    state_ = std::make_unique<StageState>(
-        state.start,
-        CellSystem(std::make_shared<const Body>(cut(rest_->shape, state.octree)),
-                   state.start->regions, system_settings()));
-    state_->system.set_state(state.system);
-    state_->aims = state.aims;
-    state_->last_solve = state.last_solve;
-    warnings_ = state.warnings;
+    leave_for(kept);
+    make_state(kept);
     reports_.clear();
-    if (state.report)
-        reports_.push_back(*state.report);
-    frames_done_ = state.frames_done;
+    if (kept.report)
+        reports_.push_back(*kept.report);
     check_frames();
     is_deformed_current_ = frame_ == 0;
     if (is_deformed_current_)
@@ -394,19 +409,8 @@ void Session::add_checkpoint()
 {
     if (!settings_.keeps_checkpoints)
         return;
-    const StageState& s = *state_;
-    Checkpoint kept{script_.up_to({stage_, frame_}),
-                    {stage_, frame_},
-                    s.start,
-                    s.system.body().octree,
-                    s.system.state(),
-                    s.aims,
-                    s.last_solve,
-                    std::nullopt,
-                    warnings_,
-                    frames_done_};
-    if (frame_ > 0)
-        kept.report = reports_.back();
+    Checkpoint kept = checkpoint();
+    kept.body = nullptr; // many cells take much more memory than their octree
     checkpoints_.add(std::move(kept));
 }
 
@@ -474,53 +478,6 @@ std::size_t Session::num_upcoming() const
     return count - std::min(count, frame_);
 }
 
-Session::Standing Session::standing() const
-{
-    const StageState& s = *state_;
-    return {{stage_, frame_},
-            s.start,
-            s.system.shared_body(),
-            s.system.state(),
-            s.aims,
-            s.last_solve,
-            warnings_,
-            parts_,
-            led_,
-            deformed_,
-            frames_done_,
-            reports_.size(),
-            committed_fields_.size(),
-            is_deformed_current_};
-}
-
-/// All but the state of the stage.
-void Session::go_back_to(const Standing& standing)
-{
-    state_.reset();
-    rest_ = standing.start->rest;
-    stage_ = standing.place.stage;
-    frame_ = standing.place.frame;
-    warnings_ = standing.warnings;
-    parts_ = standing.parts;
-    led_ = standing.led;
-    deformed_ = standing.deformed;
-    frames_done_ = standing.frames_done;
-    reports_.resize(standing.num_reports);
-    committed_fields_.resize(standing.num_committed);
-    is_deformed_current_ = standing.is_deformed_current;
-}
-
-void Session::make_state(const Standing& standing)
-{
-    auto state = std::make_unique<StageState>(
-        standing.start,
-        CellSystem(standing.body, standing.start->regions, system_settings()));
-    state->system.set_state(standing.system);
-    state->aims = standing.aims;
-    state->last_solve = standing.last_solve;
-    state_ = std::move(state);
-}
-
 void Session::lead(std::vector<std::shared_ptr<const SplineState>> rods)
 {
     led_ = std::move(rods);
@@ -535,32 +492,51 @@ bool Session::next_frame(bool wants_samples)
     }
     if (!state_ || !upcoming_frame())
         return false;
-    Standing before = standing();
+    struct Before
+    {
+        Checkpoint checkpoint;
+        PartCounts parts;
+        std::shared_ptr<const DeformedSamples> deformed;
+        bool is_deformed_current;
+    };
+    const auto here = [&] {
+        return Before{checkpoint(), parts_, deformed_, is_deformed_current_};
+    };
+    Before before = here();
+    const std::size_t num_reports = reports_.size();
+    const auto roll_back = [&]
+    {
+        rbf_systems_->clear();
+        leave_for(before.checkpoint);
+        parts_ = before.parts;
+        deformed_ = before.deformed;
+        is_deformed_current_ = before.is_deformed_current;
+        reports_.resize(num_reports);
+    };
     try
     {
         const Clock::time_point start = Clock::now();
         while (frame_ >= handles_.stages[stage_].frames.size())
         {
             commit();
-            before = standing();
+            before = here();
         }
         solve_next(wants_samples, ms_since(start));
+        led_.clear();
     }
     catch (const Stopped&)
     {
-        rbf_systems_->clear();
-        go_back_to(before);
-        stopped_ = std::make_unique<const Standing>(std::move(before));
+        roll_back();
+        stopped_ = std::make_unique<const Checkpoint>(std::move(before.checkpoint));
         throw;
     }
     catch (...)
     {
-        rbf_systems_->clear();
         try
         {
             const StopDeferral deferral;
-            go_back_to(before);
-            make_state(before);
+            roll_back();
+            make_state(before.checkpoint);
         }
         catch (...)
         {
@@ -596,7 +572,6 @@ void Session::end_frame(FrameReport& report, bool wants_samples)
 {
     ++frame_;
     ++frames_done_;
-    led_.clear();
     is_deformed_current_ = false;
     const bool is_committed = frame_ == handles_.stages[stage_].frames.size() &&
                               stage_ + 1 < handles_.stages.size();
@@ -778,10 +753,13 @@ void Session::commit()
 {
     if (!is_deformed_current_)
         update_samples();
+    std::optional<StoredField> field;
     if (settings_.keeps_fields)
-        committed_fields_.push_back(stored_field(state_->system, *state_->field));
+        field = stored_field(state_->system, *state_->field);
     last_rest_ = make_rest(stage_ + 1, *deformed_);
     start_stage(last_rest_);
+    if (field)
+        committed_fields_.push_back(std::move(*field));
 }
 
 /// Through commits that no frame follows.

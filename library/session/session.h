@@ -129,7 +129,10 @@ private:
     std::shared_ptr<const DeformedSamples> samples_at_rest() const;
     void start_stage(std::shared_ptr<const StageRest> rest);
     void warn_of_bones();
-    void go_to(const Checkpoint& state);
+    Checkpoint checkpoint() const;
+    void leave_for(const Checkpoint& to);
+    void make_state(const Checkpoint& at);
+    void go_to(const Checkpoint& kept);
     void go_back();
     void add_checkpoint();
     void commit();
@@ -141,10 +144,6 @@ private:
     void check_frames();
     void solve_frame(FrameReport& report);
     std::vector<MovedRegion> moved_regions() const;
-    struct Standing;
-    Standing standing() const;
-    void go_back_to(const Standing& standing);
-    void make_state(const Standing& standing);
     void solve_next(bool wants_samples, double cells_ms);
     void end_frame(FrameReport& report, bool wants_samples);
     void move_samples(FrameReport& report);
@@ -171,7 +170,7 @@ private:
     std::vector<StoredField> committed_fields_;
     std::unique_ptr<RbfSystems> rbf_systems_; ///< of this stage's fits
     std::unique_ptr<StageState> state_;
-    std::unique_ptr<const Standing> stopped_; ///< where to go on after Stopped
+    std::unique_ptr<const Checkpoint> stopped_; ///< where to go on after Stopped
 };
 
 } // namespace cellwarp::core
