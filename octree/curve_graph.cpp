@@ -161,7 +161,7 @@ void unfold_end(std::vector<Eigen::Vector3d>& line)
 /// Of a surface of either orientation.
 bool is_within(const Shape& surface, const Eigen::Vector3d& x)
 {
-    return std::abs(winding_number(surface, x)) > 0.5;
+    return std::abs(winding_number(surface, surface.triangles, x)) > 0.5;
 }
 
 /// From a tip to the middle of what reaches farthest from it along a direction, \p most.

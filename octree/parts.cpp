@@ -15,7 +15,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -229,22 +228,6 @@ std::vector<std::pair<int, int>> near_pairs(const std::vector<Bounds>& boxes,
     return pairs;
 }
 
-/// Solid angle of a closed surface seen from a point, of the whole sphere: 1 inside.
-double winding_at(const Shape& shape, const std::vector<Triangle>& triangles,
-                  const Eigen::Vector3d& x)
-{
-    double sum = 0.0;
-    for (const Triangle& t : triangles)
-    {
-        const Eigen::Vector3d a = shape.samples[t[0]] - x, b = shape.samples[t[1]] - x,
-                              c = shape.samples[t[2]] - x;
-        const double na = a.norm(), nb = b.norm(), nc = c.norm();
-        sum += std::atan2(a.dot(b.cross(c)),
-                          na * nb * nc + a.dot(b) * nc + b.dot(c) * na + c.dot(a) * nb);
-    }
-    return sum / (2.0 * std::numbers::pi);
-}
-
 /// Joins components into parts, step by step.
 class Joining
 {
@@ -390,8 +373,8 @@ private:
             for (const int other : around[hole])
                 if ((best < 0 ||
                      std::abs(of(other).volume) < std::abs(of(best).volume)) &&
-                    std::abs(winding_at(shape_, triangles[idx(other)],
-                                        shape_.samples[triangles[hole][0][0]])) > 0.5)
+                    std::abs(winding_number(shape_, triangles[idx(other)],
+                                            shape_.samples[triangles[hole][0][0]])) > 0.5)
                     best = other;
             if (best >= 0)
                 sets_.join(static_cast<int>(hole), best);

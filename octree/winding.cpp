@@ -23,10 +23,11 @@ namespace cellwarp::core
 {
 
 /// [VanOosterom83]
-double winding_number(const Shape& shape, const Eigen::Vector3d& x)
+double winding_number(const Shape& shape, const std::vector<Triangle>& triangles,
+                      const Eigen::Vector3d& x)
 {
     double angle = 0.0;
-    for (const Triangle& t : shape.triangles)
+    for (const Triangle& t : triangles)
     {
         const Eigen::Vector3d a = shape.samples[t[0]] - x, b = shape.samples[t[1]] - x,
                               c = shape.samples[t[2]] - x;

@@ -12,10 +12,11 @@
 namespace cellwarp::core
 {
 
-/// How often a surface winds around a place: the solid angles of all triangles there, as
+/// How often a surface winds around a place: the solid angles of \p triangles there, as
 /// shares of the whole one [VanOosterom83]. In proportion to the triangles; on the
 /// surface any number between those of its sides.
-double winding_number(const Shape& shape, const Eigen::Vector3d& x);
+double winding_number(const Shape& shape, const std::vector<Triangle>& triangles,
+                      const Eigen::Vector3d& x);
 
 /// Of each voxel whether a closed surface winds around its middle.
 /// \param triangles of a BoundingSurface without open edges

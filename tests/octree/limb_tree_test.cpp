@@ -184,7 +184,7 @@ TEST(LimbTree, the_ends_of_limbs_of_real_models_are_inside)
         const std::vector<LimbJoint> joints = limb_tree(shape);
         ASSERT_GT(joints.size(), 8u) << file;
         for (const LimbJoint& joint : joints)
-            EXPECT_TRUE(winding_number(shape, joint.at) > 0.5 ||
+            EXPECT_TRUE(winding_number(shape, shape.triangles, joint.at) > 0.5 ||
                         std::sqrt(tree.nearest(joint.at).distance_squared) < most)
                 << file << ": " << joint.at.transpose();
     }
@@ -204,7 +204,7 @@ TEST(LimbTree, of_a_surface_that_is_inside_out_is_that_of_the_surface)
     EXPECT_LT((turned.front().at - joints.front().at).norm(), 0.1);
     EXPECT_LT((turned.back().at - joints.back().at).norm(), 0.1);
     for (const LimbJoint& joint : turned)
-        EXPECT_NEAR(std::abs(winding_number(leg, joint.at)), 1.0, 0.1)
+        EXPECT_NEAR(std::abs(winding_number(leg, leg.triangles, joint.at)), 1.0, 0.1)
             << joint.at.transpose();
 }
 
@@ -222,7 +222,7 @@ TEST(LimbTree, a_leg_ends_in_its_foot_also_beside_an_open_sheet)
                   1)
             << has_sheet;
         for (const LimbJoint& joint : joints)
-            EXPECT_NEAR(std::abs(winding_number(leg, joint.at)), 1.0, 0.1)
+            EXPECT_NEAR(std::abs(winding_number(leg, leg.triangles, joint.at)), 1.0, 0.1)
                 << has_sheet << ": " << joint.at.transpose();
         const auto first = static_cast<std::uint32_t>(leg.samples.size());
         for (const Vector3d& corner :

@@ -210,6 +210,26 @@ TEST(Parts, a_void_belongs_to_what_is_around_it_and_what_is_in_it_does_not)
     }
 }
 
+TEST(Parts, a_void_behind_a_wall_far_thinner_than_a_voxel_belongs_to_what_is_around_it)
+{
+    int num_outside = 0; // middles of the voxels of its corner: they cannot tell
+    for (int k = 0; k < 8; ++k)
+    {
+        SCOPED_TRACE(k); // the wall lies elsewhere among the voxels
+        const Eigen::Vector3d low = Eigen::Vector3d::Constant(1.0 + 0.007 * k),
+                              high = Eigen::Vector3d::Constant(3.0);
+        const Eigen::Vector3d wall = Eigen::Vector3d::Constant(1e-3);
+        const Apart hollow(
+            joined(box_shape({0, 0, 0}, {0.5, 0.5, 0.5}, 2),
+                   joined(box_shape(low, high, 3),
+                          turned_inside_out(box_shape(low + wall, high - wall, 3)))));
+        EXPECT_EQ(hollow.parts.count(), 2u);
+        const VoxelGrid& grid = hollow.material.grid;
+        num_outside += (grid.centre(grid.locate(low + wall)).array() < low.array()).any();
+    }
+    EXPECT_GT(num_outside, 0);
+}
+
 TEST(Parts, a_part_wholly_within_another_is_one_with_it)
 {
     const Shape head = box_shape({0, 0, 0}, {4, 4, 4}, 4);

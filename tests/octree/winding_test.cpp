@@ -53,12 +53,13 @@ TEST(Winding, of_a_place_is_one_in_a_box_none_beside_it_and_less_inside_out)
         const Eigen::Vector3d in(support::random_number(rng, 0.01, 0.99),
                                  support::random_number(rng, 0.01, 1.99),
                                  support::random_number(rng, 0.01, 2.99));
-        EXPECT_NEAR(winding_number(box, in), 1.0, 1e-12);
-        EXPECT_NEAR(winding_number(box, in + Eigen::Vector3d(0, 2, 0)), 0.0, 1e-12);
+        EXPECT_NEAR(winding_number(box, box.triangles, in), 1.0, 1e-12);
+        EXPECT_NEAR(winding_number(box, box.triangles, in + Eigen::Vector3d(0, 2, 0)),
+                    0.0, 1e-12);
     }
     for (Triangle& triangle : box.triangles)
         std::swap(triangle[1], triangle[2]);
-    EXPECT_NEAR(winding_number(box, {0.5, 0.5, 0.5}), -1.0, 1e-12);
+    EXPECT_NEAR(winding_number(box, box.triangles, {0.5, 0.5, 0.5}), -1.0, 1e-12);
 }
 
 TEST(Winding, of_closed_shapes_is_that_of_their_solid_angles)
@@ -84,7 +85,7 @@ TEST(Winding, of_closed_shapes_is_that_of_their_solid_angles)
             // Of the whole voxel, also where the box ends within it.
             const Eigen::Vector3d x =
                 grid.from_voxels(grid.coordinates(voxel).cast<double>().array() + 0.5);
-            const bool is_in = std::abs(winding_number(some, x)) > 0.5;
+            const bool is_in = std::abs(winding_number(some, some.triangles, x)) > 0.5;
             num_inside += is_in;
             ASSERT_EQ(is_inside[voxel] != 0, is_in) << trial << ' ' << x.transpose();
             ASSERT_EQ(int(votes[voxel]), is_in ? 6 : 0) << trial;
@@ -113,7 +114,7 @@ TEST(Winding, of_sides_is_that_of_their_middles)
             Eigen::Vector3d at = grid.coordinates(voxels[k]).cast<double>().array() + 0.5;
             at[axis] += 0.5;
             const Eigen::Vector3d x = grid.from_voxels(at);
-            const bool is_in = std::abs(winding_number(box, x)) > 0.5;
+            const bool is_in = std::abs(winding_number(box, box.triangles, x)) > 0.5;
             num_inside += is_in;
             ASSERT_EQ(is_inside[k] != 0, is_in) << axis << ' ' << x.transpose();
         }
