@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <map>
 #include <set>
 
@@ -20,7 +19,7 @@
 #include "octree/base/index.h"
 #include "octree/base/rigid_fit.h"
 #include "solver/cells/refinement.h"
-#include "solver/field/region_points.h"
+#include "solver/field/exact_samples.h"
 
 namespace cellwarp::core
 {
@@ -598,87 +597,20 @@ void CellSystem::warn_of_components()
                 part.component.free_rotations));
 }
 
-/// Places of samples that lie so near to cells of another region that they may be points
-/// of these, and the regions of the samples.
-std::map<std::array<double, 3>, int> CellSystem::samples_near_other_regions() const
-{
-    constexpr int kNoRegion = -1, kSeveral = -2;
-    std::vector<int> near = region_of_cell_; // the region of cells nearby
-    const auto meet = [](int& one, int other)
-    {
-        if (other != kNoRegion && one != other)
-            one = one == kNoRegion ? other : kSeveral;
-    };
-    // From a cell to another one at its corner it is three steps through faces.
-    for (int step = 0; step < 3; ++step)
-    {
-        std::vector<int> next = near;
-        for (std::size_t c = 0; c < near.size(); ++c)
-            for (const int other : body_->cells.neighbours_of(static_cast<int>(c)))
-                meet(next[c], near[idx(other)]);
-        near = std::move(next);
-    }
-    std::map<std::array<double, 3>, int> places;
-    for (std::size_t r = 0; r < regions_->size(); ++r)
-    {
-        if (!(*regions_)[r].moves_as_one() && !(*regions_)[r].is_exact)
-            continue;
-        for (const std::uint32_t i : (*regions_)[r].samples)
-        {
-            const int other = near[idx(body_->cell_of_sample[i])];
-            const Eigen::Vector3d& x = rest().samples[i];
-            if (other != kNoRegion && other != static_cast<int>(r))
-                places.try_emplace({x.x(), x.y(), x.z()}, static_cast<int>(r));
-        }
-    }
-    return places;
-}
-
-/// Around the samples of the regions, and around the points of their cells at their
-/// borders, where the field knows the motion too. Without these what lies just outside
-/// would depend on how near the last sample of the region happens to be.
 void CellSystem::place_fades()
 {
     if (!fades_.empty())
         return;
-    const RegionPoints points(body_->cells, constraints_);
-    const std::map<std::array<double, 3>, int> taken_places =
-        samples_near_other_regions();
-    const auto is_sample_of_another = [&](const Eigen::Vector3d& x, std::size_t region)
+    std::vector<ExactSamples> exact;
+    for (const Region& region : regions_->regions())
     {
-        const auto found = taken_places.find({x.x(), x.y(), x.z()});
-        return found != taken_places.end() && found->second != static_cast<int>(region);
-    };
-    // Samples whose place is another region's before it is a rod's.
-    std::vector<bool> is_taken(on_rod_.empty() ? 0 : rest().samples.size(), false);
-    for (std::size_t r = 0; !is_taken.empty() && r < regions_->size(); ++r)
-        if ((*regions_)[r].moves_as_one())
-            for (const std::uint32_t i : (*regions_)[r].samples)
-                is_taken[i] = true;
-    std::vector<std::optional<RegionFade>> fades(regions_->size());
-    for (std::size_t r = 0; r < regions_->size(); ++r)
-    {
-        const Region& region = (*regions_)[r];
-        if (!(region.moves_as_one() || region.is_exact) || region.samples.empty())
-            continue;
-        std::vector<RegionFade::Node> samples, further;
-        for (const std::uint32_t i : region.samples)
-            if (region.moves_as_one() || !is_taken[i])
-                samples.push_back({rest().samples[i], body_->cell_of_sample[i]});
-        if (samples.empty())
-            continue;
-        if (region.is_exact)
-            for (const std::uint32_t i : region.samples)
-                is_taken[i] = true;
-        for (std::size_t c = 0; c < constraints_.size(); ++c)
-            if (region_of_cell_[c] == static_cast<int>(r) && region.moves_as_one() &&
-                constraints_[c].is_of_rigid_region())
-                for (const RegionPoints::Point& point : points.of(c))
-                    if (point.is_at_border && !is_sample_of_another(point.at, r))
-                        further.push_back({point.at, static_cast<int>(c)});
-        fades[r].emplace(body_->cells, samples, further);
+        ExactSamples& of_region = exact.emplace_back();
+        of_region.is_rigid = region.moves_as_one();
+        if (region.moves_as_one() || region.is_exact)
+            of_region.samples = region.samples;
     }
-    fades_ = std::move(fades);
+    fades_ = fades_of(exact, body_->cells, constraints_, region_of_cell_, rest().samples,
+                      body_->cell_of_sample);
 }
 
 const std::vector<TouchingSamples>& CellSystem::touching_samples()

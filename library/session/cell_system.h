@@ -3,8 +3,6 @@
 // where all of them are. Made anew for another body or other regions, never for a motion.
 #pragma once
 
-#include <array>
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -266,7 +264,6 @@ private:
     void warn_of_components();
     void warn_of_loose_parts(std::span<const std::size_t> samples);
     std::vector<std::size_t> samples_of_parts() const;
-    std::map<std::array<double, 3>, int> samples_near_other_regions() const;
     void check_memory(const char* what, double bytes,
                       const CellSystemSettings& settings) const;
     std::vector<Holder> holders_of(const Component& component,
