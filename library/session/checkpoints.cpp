@@ -56,12 +56,11 @@ std::size_t bytes_of(const StageStart& start)
 
 std::size_t bytes_of(const Checkpoint& state)
 {
-    std::size_t bytes = sizeof state + bytes_of(state.octree) +
-                        bytes_of(state.system.poses) + bytes_of(state.system.motions) +
-                        bytes_of(state.system.on_guide) + bytes_of(state.aims.regions) +
-                        bytes_of(state.aims.skeleton.turns) +
-                        bytes_of(state.aims.skeleton.shifts) +
-                        bytes_of(state.aims.skeleton.holds) + bytes_of(state.warnings);
+    std::size_t bytes =
+        sizeof state + bytes_of(state.octree) + bytes_of(state.system.poses) +
+        bytes_of(state.system.regions) + bytes_of(state.aims.regions) +
+        bytes_of(state.aims.skeleton.turns) + bytes_of(state.aims.skeleton.shifts) +
+        bytes_of(state.aims.skeleton.holds) + bytes_of(state.warnings);
     for (const RegionAim& aim : state.aims.regions)
         bytes += bytes_of(aim.steps) + bytes_of(aim.holds);
     for (const std::string& warning : state.warnings)

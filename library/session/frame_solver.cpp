@@ -235,7 +235,7 @@ struct FrameSolver::Start
 SplineHolds FrameSolver::start_of_holds(std::size_t region) const
 {
     SplineHolds start = plan_.from_holds[region];
-    const SplineState& now = *system_.splines()[region];
+    const SplineState& now = *system_.spline(region);
     const SplineHandle& spline = *system_.regions()[region].spline;
     const std::vector<Eigen::Vector3d> points = now.points();
     for (std::size_t k = 0; k < start.size(); ++k)
@@ -253,7 +253,7 @@ void FrameSolver::find_hold_ways()
     hold_ways_.assign(plan_.to_holds.size(), std::nullopt);
     for (std::size_t r = 0; r < hold_ways_.size(); ++r)
         if (plan_.from_holds[r] != plan_.to_holds[r])
-            hold_ways_[r].emplace(*system_.regions()[r].spline, *system_.splines()[r],
+            hold_ways_[r].emplace(*system_.regions()[r].spline, *system_.spline(r),
                                   start_of_holds(r), plan_.to_holds[r]);
 }
 
@@ -303,13 +303,13 @@ double FrameSolver::gradient_scale_here() const
 void FrameSolver::travel(Way& way, int& steps, Accuracy at_end)
 {
     way.parts = plan_.num_parts;
-    const std::vector<CellSystem::PinWay> pins =
+    const std::vector<PinWay> pins =
         system_.pin_ways(plan_.motions(0.0), plan_.motions(1.0));
-    for (const CellSystem::PinWay& pin : pins)
+    for (const PinWay& pin : pins)
         way.parts = std::max(way.parts, pin.around.num_parts(pin.from, pin.from, 0.0));
     find_hold_ways();
     from_splines_ = system_.splines();
-    const double left = system_.way_left();
+    const double left = system_.driving().way_left();
     double gone = 0.0; ///< of the way
     way.is_wound = plan_.is_wound();
     std::optional<TurnChains> chains;
@@ -328,7 +328,7 @@ void FrameSolver::travel(Way& way, int& steps, Accuracy at_end)
         const double share = static_cast<double>(way.part) / way.parts;
         std::vector<Motion> motions = plan_.motions(share);
         if (way.part < way.parts)
-            for (const CellSystem::PinWay& pin : pins)
+            for (const PinWay& pin : pins)
                 motions[pin.region] = pin.at(share);
         system_.move_regions(motions, bent(gone, share), left * (1.0 - share));
         gone = share;
@@ -430,9 +430,10 @@ void FrameSolver::fold_in_few_cells(const Body& own, Way& way, FrameReport& repo
 bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
                                          FrameReport& report, Accuracy at_end)
 {
-    const bool has_rods = std::any_of(system_.splines().begin(), system_.splines().end(),
-                                      [](const std::shared_ptr<const SplineState>& spline)
-                                      { return spline != nullptr; });
+    const std::vector<Region>& regions = system_.regions().regions();
+    const bool has_rods =
+        std::any_of(regions.begin(), regions.end(),
+                    [](const Region& region) { return region.spline != nullptr; });
     if (plan_.num_parts == 1 || system_.body().cells.size() < kManyCells ||
         plan_.is_wound() || has_rods)
         return false;
@@ -466,7 +467,7 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
         // Gradients are measured against those of the first step in these cells.
         const double share = 1.0 / plan_.num_parts;
         system_.move_regions(plan_.motions(share), {},
-                             system_.way_left() * (1.0 - share));
+                             system_.driving().way_left() * (1.0 - share));
         larger.gradient_scale = gradient_scale_here();
         system_.set_state(start.state);
         refiner_.hand_on(*in_larger, system_);

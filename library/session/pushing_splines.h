@@ -22,6 +22,7 @@ struct PushingSpline
     std::vector<double> at;               ///< parameter of each
     std::vector<Eigen::Vector3d> centres; ///< of each, at rest
     bool is_alone = false;                ///< nothing else holds its body
+    std::size_t region = 0;               ///< of the session
 };
 
 class PushingSplines final : public PushingRods

@@ -15,7 +15,7 @@ constexpr int kPlacesOfLine = 129;
 RodReport report_of(const CellSystem& system, std::size_t r, const SplineHolds& holds)
 {
     const Region& region = system.regions()[r];
-    const SplineState& now = *system.splines()[r];
+    const SplineState& now = *system.spline(r);
     const Motion& motion = system.motions()[r];
     const WorkFrame& frame = system.rest().frame;
     const double unit = frame.length_to_model(1.0);
@@ -46,10 +46,15 @@ RodReport report_of(const CellSystem& system, std::size_t r, const SplineHolds& 
     for (std::size_t p = 0; p < system.regions().size(); ++p)
         if (const std::optional<Region::Guide>& guide = system.regions()[p].guide;
             guide && guide->region == r)
+        {
+            const Driven& pin = system.driving().now()[p];
+            const std::uint32_t sample = system.regions()[p].samples.front();
             report.pins.push_back(
-                {system.regions()[p].name, frame.to_model(system.place_on_guide(p)),
-                 system.share_on_guide(p), !guide->at,
+                {system.regions()[p].name,
+                 frame.to_model(system.rest().samples[sample] + pin.motion.t),
+                 region.spline->share_of_parameter(pin.s), !guide->at,
                  unit * frame.vector_to_model(system.force_of_guide(p))});
+        }
     return report;
 }
 

@@ -368,7 +368,7 @@ Checkpoint Session::checkpoint() const
     return here;
 }
 
-/// Without the state of the stage, which make_state() makes.
+/// Sets all but the state of the stage, which make_state() makes.
 void Session::leave_for(const Checkpoint& to)
 {
     state_.reset();
@@ -657,7 +657,7 @@ std::vector<MovedRegion> Session::moved_regions() const
             region.bends = s.system.regions()[r].is_rod();
             if (region.bends)
                 for (const Eigen::Vector3d& x : fade->nodes())
-                    region.node_motions.push_back(s.system.motion_at(r, x));
+                    region.node_motions.push_back(s.system.driving().motion_at(r, x));
         }
     for (const TouchingSamples& samples : s.system.touching_samples())
     {

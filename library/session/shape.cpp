@@ -199,7 +199,7 @@ std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& vi
         const Region& region = system.regions()[r];
         if (!region.spline)
             continue;
-        const SplineState& now = *system.splines()[r];
+        const SplineState& now = *system.spline(r);
         const Motion& motion = system.motions()[r];
         const auto seen = [&](const Eigen::Vector3d& place)
         { return view.to_work(work.to_model(motion(place))); };

@@ -422,7 +422,7 @@ TEST(CellRefiner, parts_regions_that_move_differently_down_to_the_deepest_cells)
     while ((merged = merging.coarser(system)))
         system = std::move(*merged);
     EXPECT_EQ(level_at(system, {0.5, 0.5, 1.82}), 2);
-    system.set_state(system.poses(), std::vector<Motion>(2));
+    system.move_regions(std::vector<Motion>(2));
     while ((merged = merging.coarser(system)))
         system = std::move(*merged);
     EXPECT_EQ(leaves(system).size(), 32u);

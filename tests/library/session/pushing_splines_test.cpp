@@ -189,16 +189,15 @@ TEST(PushingSplines, holds_are_kept_and_carried_cells_follow_the_frames)
         EXPECT_LT((rod.points[2] - Vector3d(0.3, 0, 2)).norm(), 4e-9);
         EXPECT_LT((rod.points[4] - Vector3d(0, 2, 3)).norm(), 4e-9);
         const CellSystem& system = *session.system();
-        EXPECT_NEAR(system.splines()[0]->turn_at_point(2), 40.0 * kPi / 180.0, 1e-9);
+        EXPECT_NEAR(system.spline(0)->turn_at_point(2), 40.0 * kPi / 180.0, 1e-9);
         // The frame of the end is held as the line that was asked for carries it; the
         // line that is found differs by the cells' push.
-        EXPECT_NEAR(system.splines()[0]->turn_at_point(4), 0.0, 0.1);
-        const Eigen::Matrix3d frame = system.splines()[0]->frame_at_point(4);
+        EXPECT_NEAR(system.spline(0)->turn_at_point(4), 0.0, 0.1);
+        const Eigen::Matrix3d frame = system.spline(0)->frame_at_point(4);
         EXPECT_LT((frame - held.value_or(frame)).norm(), 1e-8);
         held = frame;
-        EXPECT_LT(
-            (system.splines()[0]->frame_at_point(4).col(2) - Vector3d(0, 1, 0)).norm(),
-            1e-9);
+        EXPECT_LT((system.spline(0)->frame_at_point(4).col(2) - Vector3d(0, 1, 0)).norm(),
+                  1e-9);
         std::size_t carried_cells = 0;
         for (std::size_t c = 0; c < system.poses().size(); ++c)
         {
@@ -206,7 +205,7 @@ TEST(PushingSplines, holds_are_kept_and_carried_cells_follow_the_frames)
                 continue;
             ++carried_cells;
             const Vector3d& centre = system.body().cells.cells[c].centre;
-            const Motion motion = system.motion_at(0, centre);
+            const Motion motion = system.driving().motion_at(0, centre);
             EXPECT_LT((system.poses()[c].p - motion(centre)).norm(), 1e-14);
             EXPECT_LT((system.poses()[c].R - motion.R).norm(), 1e-14);
         }

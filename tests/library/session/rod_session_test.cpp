@@ -156,7 +156,7 @@ TEST(RodSession, held_points_end_where_they_are_told_and_cells_follow_the_frames
             continue;
         ++carried_cells;
         const Vector3d& centre = system.body().cells.cells[c].centre;
-        const Motion motion = system.motion_at(idx(owner), centre);
+        const Motion motion = system.driving().motion_at(idx(owner), centre);
         EXPECT_LT((system.poses()[c].p - motion(centre)).norm(), 1e-14);
         EXPECT_LT((system.poses()[c].R - motion.R).norm(), 1e-14);
     }
@@ -357,10 +357,10 @@ TEST(RodSession, exact_rods_carry_the_samples_in_their_tube_exactly)
     for (const std::uint32_t i : region.samples)
     {
         const Vector3d x = frame.to_work(shape.samples[i]);
-        EXPECT_LT(
-            (session.deformed().samples[i] - frame.to_model(system.motion_at(0, x)(x)))
-                .norm(),
-            4e-9);
+        EXPECT_LT((session.deformed().samples[i] -
+                   frame.to_model(system.driving().motion_at(0, x)(x)))
+                      .norm(),
+                  4e-9);
     }
     // What was kept as a field says the same of them.
     Session again(model(shape), handles(text),
