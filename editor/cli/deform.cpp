@@ -20,6 +20,7 @@
 #include "io/formats/geometry_file.h"
 #include "io/formats/geometry_output.h"
 #include "library/session/body.h"
+#include "library/session/holding_warnings.h"
 #include "library/session/json.h"
 #include "library/session/pass_through.h"
 #include "library/session/peak_memory.h"
@@ -173,7 +174,7 @@ void add_cells(Json& json, const Session& session)
     const double diagonal = system->rest().frame.diagonal();
     json["across"] = system->rest().across;
     json["faces_of_glue"] = system->body().cells.faces.size();
-    const PartsByHold parts = system->parts_by_hold();
+    const PartsByHold parts = parts_by_hold(*system);
     json["parts"] = {
         {"held", parts.held}, {"follow", parts.follow}, {"stay", parts.stay}};
     json["groups_of_cells"] = system->minimizer().multigrid().sizes();

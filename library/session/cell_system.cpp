@@ -19,14 +19,6 @@
 namespace cellwarp::core
 {
 
-namespace
-{
-
-/// Regions whose stiffness differs by more than this get a warning.
-constexpr double kExtremeContrast = 1e12;
-
-} // namespace
-
 CellSystem::CellSystem(std::shared_ptr<const Body> body,
                        std::shared_ptr<const RegionSet> regions,
                        const CellSystemSettings& settings)
@@ -37,12 +29,6 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     shares_ = regions_->shares(*body_);
     std::vector<int> region_of_cell = prescribing_regions(*regions_, shares_, cells);
     const std::vector<double> factors = cell_factors(*regions_, shares_, cells.size());
-    const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());
-    if (!factors.empty() && *stiffest > kExtremeContrast * *softest)
-        warnings_.push_back(
-            fmt::format("stiffness differs by a factor of {:.1g}: the soft "
-                        "parts keep few digits",
-                        *stiffest / *softest));
     const Departures& departures = settings.departures;
     const std::vector<BorderGlue> borders =
         departures.measured_borders ? border_glue(*body_, *regions_, region_of_cell)
@@ -69,7 +55,6 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
     parts_.emplace(body_, regions_, *driving_, std::move(components), region_borders());
-    warn_of_components();
 }
 
 /// For what is held and in contact.
@@ -164,106 +149,6 @@ double CellSystem::energy() const
     for (const PushingSpline& rod : rods_)
         energy += spline(rod.region)->energy();
     return energy;
-}
-
-/// The number of samples in each part.
-std::vector<std::size_t> CellSystem::samples_of_parts() const
-{
-    std::vector<std::size_t> in_cell(body_->cells.size(), 0);
-    for (const int cell : body_->cell_of_sample)
-        ++in_cell[idx(cell)];
-    std::vector<std::size_t> samples;
-    for (const Component& part : components())
-    {
-        std::size_t& of_part = samples.emplace_back(0);
-        for (const int cell : part.cells)
-            of_part += in_cell[idx(cell)];
-    }
-    return samples;
-}
-
-PartsByHold CellSystem::parts_by_hold() const
-{
-    PartsByHold counts;
-    const std::vector<std::size_t> samples = samples_of_parts();
-    for (std::size_t k = 0; k < components().size(); ++k)
-    {
-        const Hold hold = constraints()[idx(components()[k].cells.front())].hold;
-        std::size_t& of = components()[k].is_held   ? counts.held
-                          : hold == Hold::Following ? counts.follow
-                                                    : counts.stay;
-        of += samples[k] > 0;
-    }
-    return counts;
-}
-
-/// Parts are numbered by their first samples.
-void CellSystem::warn_of_loose_parts(std::span<const std::size_t> samples)
-{
-    constexpr std::size_t kMostTold = 6;
-    std::vector<std::size_t> part_of_cell(body_->cells.size());
-    for (std::size_t k = 0; k < components().size(); ++k)
-        for (const int cell : components()[k].cells)
-            part_of_cell[idx(cell)] = k;
-    std::vector<int> number(components().size(), -1);
-    int count = 0;
-    for (const int cell : body_->cell_of_sample)
-        if (int& of_part = number[part_of_cell[idx(cell)]]; of_part < 0)
-            of_part = count++;
-    std::vector<int> goes_with(components().size(), -1); // number of a part with samples
-    std::vector<std::pair<int, int>> told;
-    std::size_t num_samples = 0;
-    for (const BridgedComponent& one : loose_.components())
-    {
-        const std::size_t own = idx(one.component), to = idx(one.to);
-        goes_with[own] = number[to] >= 0 ? number[to] : goes_with[to];
-        if (number[own] < 0)
-            continue;
-        told.emplace_back(number[own], goes_with[own]);
-        num_samples += samples[own];
-    }
-    if (told.empty())
-        return;
-    std::sort(told.begin(), told.end());
-    std::string pairs;
-    for (std::size_t k = 0; k < std::min(kMostTold, told.size()); ++k)
-        pairs += fmt::format("{}{} with {}", k == 0 ? "" : ", ", told[k].first,
-                             told[k].second);
-    warnings_.push_back(fmt::format(
-        "{} of {} parts have no region and go with the part nearest to them: {}{} ({} of "
-        "{} samples; --loose stay keeps them at rest)",
-        told.size(), count, pairs, told.size() > kMostTold ? ", ..." : "", num_samples,
-        body_->cell_of_sample.size()));
-}
-
-void CellSystem::warn_of_components()
-{
-    if (regions_->size() == 0)
-        return; // nothing is asked of any
-    const std::vector<std::size_t> samples = samples_of_parts();
-    std::size_t num_idle = 0, num_samples = 0;
-    for (std::size_t k = 0; k < components().size(); ++k)
-        if (constraints()[idx(components()[k].cells.front())].hold == Hold::Idle)
-        {
-            ++num_idle;
-            num_samples += samples[k];
-        }
-    // Bits of material without samples stay unseen.
-    if (num_samples > 0)
-        warnings_.push_back(fmt::format(
-            "{} of {} components have no region: they stay at rest ({} of "
-            "{} samples)",
-            num_idle, components().size(), num_samples, body_->cell_of_sample.size()));
-    warn_of_loose_parts(samples);
-    for (const Component& part : components())
-        if (part.free_rotations > 0)
-            warnings_.push_back(fmt::format(
-                "a component of {} cells is held by {} alone: {} of its rotations are "
-                "free and are kept as they are",
-                part.cells.size(),
-                part.free_rotations == 3 || rest().flat_axis >= 0 ? "one pin"
-                                                                  : "pins in a line",
-                part.free_rotations));
 }
 
 void CellSystem::place_fades()

@@ -6,7 +6,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "library/session/body.h"
@@ -28,14 +27,6 @@ struct CellSystemSettings
     Method method = Method::Newton;
     Departures departures = {};
     bool loose_follow = true; ///< see CellSettings
-};
-
-/// Components that have samples, by what becomes of them.
-struct PartsByHold
-{
-    std::size_t held = 0;   ///< by regions
-    std::size_t follow = 0; ///< others
-    std::size_t stay = 0;   ///< at rest
 };
 
 /// Where the cells of a system are.
@@ -68,6 +59,7 @@ public:
     } ///< -1: none
     const std::vector<Constraint>& constraints() const { return driving_->constraints(); }
     const std::vector<Component>& components() const { return parts_->components(); }
+    const LooseParts& loose() const { return loose_; }
     /// Of the regions, in the cells.
     const std::vector<RegionShares>& shares() const { return shares_; }
     const Glue& glue() const { return glue_; }
@@ -81,8 +73,6 @@ public:
     }
     std::vector<std::shared_ptr<const SplineState>> splines() const;
     const CellMinimizer& minimizer() const { return *minimizer_; }
-    const std::vector<std::string>& warnings() const { return warnings_; }
-    PartsByHold parts_by_hold() const;
 
     /// Finds where the regions' corrections act, unless it has: for a field, or a drag.
     void place_fades();
@@ -164,9 +154,6 @@ private:
     void take_solved();
     void take_contacts();
     void solve_to_holds(const SolveOptions& options, double used, SolveReport& report);
-    void warn_of_components();
-    void warn_of_loose_parts(std::span<const std::size_t> samples);
-    std::vector<std::size_t> samples_of_parts() const;
     void check_memory(const char* what, double bytes,
                       const CellSystemSettings& settings) const;
 
@@ -187,7 +174,6 @@ private:
     bool rods_lead_ = false;            ///< in the last solve
     std::vector<std::optional<RegionFade>> fades_;
     std::optional<std::vector<TouchingSamples>> touching_;
-    std::vector<std::string> warnings_;
 };
 
 } // namespace cellwarp::core

@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <span>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "io/base/error.h"
+#include "library/session/region_cells.h"
 #include "octree/base/index.h"
 
 namespace cellwarp::core
@@ -15,6 +18,118 @@ namespace cellwarp::core
 
 namespace
 {
+
+/// The number of samples in each part.
+std::vector<std::size_t> samples_of_parts(const CellSystem& system)
+{
+    std::vector<std::size_t> in_cell(system.body().cells.size(), 0);
+    for (const int cell : system.body().cell_of_sample)
+        ++in_cell[idx(cell)];
+    std::vector<std::size_t> samples;
+    for (const Component& part : system.components())
+    {
+        std::size_t& of_part = samples.emplace_back(0);
+        for (const int cell : part.cells)
+            of_part += in_cell[idx(cell)];
+    }
+    return samples;
+}
+
+Hold hold_of(const CellSystem& system, const Component& part)
+{
+    return system.constraints()[idx(part.cells.front())].hold;
+}
+
+/// Parts are numbered by their first samples. \p samples: of each part.
+void warn_of_loose_parts(const CellSystem& system, std::span<const std::size_t> samples,
+                         std::vector<std::string>& warnings)
+{
+    constexpr std::size_t kMostTold = 6;
+    const std::vector<Component>& parts = system.components();
+    std::vector<std::size_t> part_of_cell(system.body().cells.size());
+    for (std::size_t k = 0; k < parts.size(); ++k)
+        for (const int cell : parts[k].cells)
+            part_of_cell[idx(cell)] = k;
+    std::vector<int> number(parts.size(), -1);
+    int count = 0;
+    for (const int cell : system.body().cell_of_sample)
+        if (int& of_part = number[part_of_cell[idx(cell)]]; of_part < 0)
+            of_part = count++;
+    std::vector<int> goes_with(parts.size(), -1); // number of a part with samples
+    std::vector<std::pair<int, int>> told;
+    std::size_t num_samples = 0;
+    for (const BridgedComponent& one : system.loose().components())
+    {
+        const std::size_t own = idx(one.component), to = idx(one.to);
+        goes_with[own] = number[to] >= 0 ? number[to] : goes_with[to];
+        if (number[own] < 0)
+            continue;
+        told.emplace_back(number[own], goes_with[own]);
+        num_samples += samples[own];
+    }
+    if (told.empty())
+        return;
+    std::sort(told.begin(), told.end());
+    std::string pairs;
+    for (std::size_t k = 0; k < std::min(kMostTold, told.size()); ++k)
+        pairs += fmt::format("{}{} with {}", k == 0 ? "" : ", ", told[k].first,
+                             told[k].second);
+    warnings.push_back(fmt::format(
+        "{} of {} parts have no region and go with the part nearest to them: {}{} ({} of "
+        "{} samples; --loose stay keeps them at rest)",
+        told.size(), count, pairs, told.size() > kMostTold ? ", ..." : "", num_samples,
+        system.body().cell_of_sample.size()));
+}
+
+/// Warnings of parts without a region, and of those that may still turn.
+std::vector<std::string> part_warnings(const CellSystem& system)
+{
+    std::vector<std::string> warnings;
+    if (system.regions().size() == 0)
+        return warnings; // nothing is asked of any
+    const std::vector<Component>& parts = system.components();
+    const std::vector<std::size_t> samples = samples_of_parts(system);
+    std::size_t num_idle = 0, num_samples = 0;
+    for (std::size_t k = 0; k < parts.size(); ++k)
+        if (hold_of(system, parts[k]) == Hold::Idle)
+        {
+            ++num_idle;
+            num_samples += samples[k];
+        }
+    // Bits of material without samples stay unseen.
+    if (num_samples > 0)
+        warnings.push_back(fmt::format(
+            "{} of {} components have no region: they stay at rest ({} of "
+            "{} samples)",
+            num_idle, parts.size(), num_samples, system.body().cell_of_sample.size()));
+    warn_of_loose_parts(system, samples, warnings);
+    for (const Component& part : parts)
+        if (part.free_rotations > 0)
+            warnings.push_back(fmt::format(
+                "a component of {} cells is held by {} alone: {} of its rotations are "
+                "free and are kept as they are",
+                part.cells.size(),
+                part.free_rotations == 3 || system.rest().flat_axis >= 0
+                    ? "one pin"
+                    : "pins in a line",
+                part.free_rotations));
+    return warnings;
+}
+
+/// Regions whose stiffness differs by more than this get a warning.
+constexpr double kExtremeContrast = 1e12;
+
+std::vector<std::string> stiffness_warnings(const CellSystem& system)
+{
+    const std::vector<double> factors =
+        cell_factors(system.regions(), system.shares(), system.body().cells.size());
+    const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());
+    if (factors.empty() || *stiffest <= kExtremeContrast * *softest)
+        return {};
+    return {fmt::format("stiffness differs by a factor of {:.1g}: the soft "
+                        "parts keep few digits",
+                        *stiffest / *softest)};
+}
 
 /// Of regions that hold too little, or too much, for anything to bend.
 std::vector<std::string> warnings_of_too_little_or_too_much(const CellSystem& system,
@@ -155,11 +270,28 @@ std::vector<std::string> span_warnings(const CellSystem& system, const std::stri
 
 } // namespace
 
+PartsByHold parts_by_hold(const CellSystem& system)
+{
+    PartsByHold counts;
+    const std::vector<std::size_t> samples = samples_of_parts(system);
+    for (std::size_t k = 0; k < samples.size(); ++k)
+    {
+        const Component& part = system.components()[k];
+        std::size_t& of = part.is_held                               ? counts.held
+                          : hold_of(system, part) == Hold::Following ? counts.follow
+                                                                     : counts.stay;
+        of += samples[k] > 0;
+    }
+    return counts;
+}
+
 std::vector<std::string> holding_warnings(const CellSystem& system,
                                           const std::string& file)
 {
-    std::vector<std::string> warnings = warnings_of_too_little_or_too_much(system, file);
-    for (const auto& more : {piece_warnings(system, file), span_warnings(system, file)})
+    std::vector<std::string> warnings = stiffness_warnings(system);
+    for (const auto& more :
+         {part_warnings(system), warnings_of_too_little_or_too_much(system, file),
+          piece_warnings(system, file), span_warnings(system, file)})
         warnings.insert(warnings.end(), more.begin(), more.end());
     return warnings;
 }

@@ -272,7 +272,6 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     start->borders = system.region_borders();
     for (std::string& warning : start->refiner.take_warnings())
         warnings_.push_back(std::move(warning));
-    warnings_.insert(warnings_.end(), system.warnings().begin(), system.warnings().end());
     for (std::string& warning : holding_warnings(system, handles_.path))
         warnings_.push_back(std::move(warning));
     for (const Region& region : regions->regions())

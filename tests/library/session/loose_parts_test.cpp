@@ -11,6 +11,7 @@
 
 #include "io/formats/field_file.h"
 #include "library/session/deformation.h"
+#include "library/session/holding_warnings.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
@@ -141,9 +142,9 @@ TEST(LooseParts, a_block_off_the_end_goes_with_it_as_one_body)
                 EXPECT_LT((system.poses()[c].R - R).norm(), 1e-13);
             }
         EXPECT_GT(num_following, 4);
-        EXPECT_EQ(system.parts_by_hold().held, 1u);
-        EXPECT_EQ(system.parts_by_hold().follow, 1u);
-        EXPECT_EQ(system.parts_by_hold().stay, 0u);
+        EXPECT_EQ(parts_by_hold(system).held, 1u);
+        EXPECT_EQ(parts_by_hold(system).follow, 1u);
+        EXPECT_EQ(parts_by_hold(system).stay, 0u);
         EXPECT_TRUE(
             contains(session.warnings().at(0),
                      "1 of 2 parts have no region and go with the part nearest to "
@@ -158,7 +159,7 @@ TEST(LooseParts, stay_where_they_are_told_to)
     const Session session = played(shape, kTurn, staying(settings(21)));
     for (std::size_t i = bar().samples.size(); i < shape.samples.size(); ++i)
         EXPECT_EQ(session.deformed().samples[i], model(shape).samples[i]);
-    EXPECT_EQ(session.system()->parts_by_hold().stay, 1u);
+    EXPECT_EQ(parts_by_hold(*session.system()).stay, 1u);
 }
 
 TEST(LooseParts, what_touches_or_overlaps_still_does_so)
@@ -180,7 +181,7 @@ TEST(LooseParts, what_touches_or_overlaps_still_does_so)
     {
         SCOPED_TRACE(depth);
         const Session session = played(shape, text, settings(24, depth));
-        EXPECT_EQ(session.system()->parts_by_hold().follow, 5u);
+        EXPECT_EQ(parts_by_hold(*session.system()).follow, 5u);
         const RestShape& rest = session.system()->rest();
         const double voxel = (rest.frame.to_model(Eigen::Vector3d::UnitX() *
                                                   rest.material.grid.shape().voxel()) -
@@ -219,7 +220,7 @@ TEST(LooseParts, what_stands_on_a_loose_part_still_does_so)
                                    "handle head box 3.6 -1 -1 4.01 2 1.01\n"
                                    "frame 1\nmove head rotate 0 1 0 50 about border\n",
                                    s);
-    EXPECT_EQ(session.system()->parts_by_hold().follow, 3u);
+    EXPECT_EQ(parts_by_hold(*session.system()).follow, 3u);
     const std::vector<Eigen::Vector3d>& now = session.deformed().samples;
     const std::vector<Eigen::Vector3d> rest = model(shape).samples;
     // Samples of each crate's foot and those of its support that are near at rest.
@@ -305,7 +306,7 @@ TEST(LooseParts, many_crumbs_follow)
                              "handle head box 3.5 -1 -1 4.01 1.01 1.01\n"
                              "frame 1\nmove head rotate 0 0 1 -60 about border\n";
     const Session session = played(shape, text, settings(16));
-    EXPECT_EQ(session.system()->parts_by_hold().follow, 300u);
+    EXPECT_EQ(parts_by_hold(*session.system()).follow, 300u);
     // Each is as large as it was.
     for (std::size_t i = count; i + 7 < shape.samples.size(); i += 8)
         for (std::size_t k = 1; k < 8; ++k)
@@ -427,7 +428,7 @@ TEST(LooseParts, of_clouds_follow_as_well)
     const std::size_t count = shape.samples.size();
     shape.samples.insert(shape.samples.end(), island.begin(), island.end());
     const Session session = played(shape, kTurn, settings(24));
-    EXPECT_GE(session.system()->parts_by_hold().follow, 1u);
+    EXPECT_GE(parts_by_hold(*session.system()).follow, 1u);
     for (std::size_t i = count; i < shape.samples.size(); ++i)
         EXPECT_LT((session.deformed().samples[i] - turned(shape.samples[i])).norm(),
                   1e-3);
