@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tests/support/program.h"
 
+#include "octree/wrap/skeleton.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::core::support
@@ -11,9 +12,10 @@ Result run(const std::vector<std::string>& arguments, const InChild& in_child)
     return run_program(CELLWARP_BINARY, arguments, in_child);
 }
 
-bool has_command(const std::string& name)
+bool can_run(const std::string& command)
 {
-    return run({"help", name}).code == 0;
+    return run({"help", command}).code == 0 &&
+           (command != "skeleton" || has_curve_skeleton());
 }
 
 pid_t start(const std::vector<std::string>& arguments)

@@ -16,8 +16,8 @@ namespace cellwarp::core::support
 /// Runs the command line to its end.
 Result run(const std::vector<std::string>& arguments, const InChild& in_child = {});
 
-/// Whether this build of it has a command.
-bool has_command(const std::string& name);
+/// Whether this build has what a command needs: render pictures, skeleton CGAL.
+bool can_run(const std::string& command);
 
 /// Starts it without streams, to be waited for or killed.
 pid_t start(const std::vector<std::string>& arguments);

@@ -253,7 +253,7 @@ TEST(Main, every_command_prints_one_object_with_the_version)
               files.folder / "reports", "--max-depth", "1", "--across", "8", "--gap",
               "0.1", "--runs", "1", "--thresholds", "1e-2", "--no-pictures", "--json"}})
     {
-        if (!support::has_command(arguments[0]))
+        if (!support::can_run(arguments[0]))
             continue;
         const Result result = run(arguments);
         EXPECT_EQ(result.code, 0) << arguments[0] << result.err;

@@ -188,7 +188,7 @@ TEST(Process, a_run_whose_second_output_fails_leaves_no_first_one)
              {"render", files.model, "-o", picture, "--size", "40x40", "--json"},
              {"skeleton", files.model, "-o", bones, "--json"}})
     {
-        if (!support::has_command(arguments[0]))
+        if (!support::can_run(arguments[0]))
             continue;
         result = run(arguments, into_full);
         EXPECT_EQ(result.code, 4) << arguments[0] << result.err;
