@@ -17,7 +17,7 @@ namespace cellwarp::core
 struct Film
 {
     std::int64_t last = 0; ///< number of its last frame; the first is 0
-    /// What is seen of a frame, asked for in ascending order.
+    /// The shapes of a frame; frames are asked for in ascending order.
     std::function<FilmFrame(std::int64_t frame)> frame;
     /// Whether all that was asked for so far converged.
     std::function<bool()> is_converged;

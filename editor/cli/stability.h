@@ -43,7 +43,7 @@ struct StabilityRow
 std::vector<StabilityRow> run_stability(const std::vector<StabilityCase>& cases,
                                         const std::function<void(std::size_t)>& watch);
 
-/// Of each case all of its row; how many have faults; the most that is no fault, by key.
+/// All rows, the number of those with faults, and the limits of the gates by key.
 Json stability_json(const std::vector<StabilityRow>& rows);
 /// A line for each case of \p json, which is stability_json(), with its keys as columns.
 /// \pre there is a case

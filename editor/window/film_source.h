@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Where the frames of a film come from: each kind of scene has a file of its own.
+// Sources of the frames of a film: each kind of scene has a file of its own.
 #pragma once
 
 #include <cstdint>

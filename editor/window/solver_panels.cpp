@@ -109,7 +109,7 @@ Typed show_number(const char* name, std::optional<Number>& value, const char* hi
     return typed;
 }
 
-/// What the fields of settings did in this frame.
+/// Result of the fields of settings in this frame.
 struct Asked
 {
     bool is_typing = false, is_done = false;

@@ -22,7 +22,7 @@ namespace cellwarp::core
 namespace
 {
 
-/// How the importer ended on the file.
+/// End of the importer's run on the file.
 HelperEnd importer_end(const std::string& path, const std::string& bytes)
 {
     try

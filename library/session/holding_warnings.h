@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the regions of a shape hold: parts by what becomes of them, and warnings.
+// Parts of a shape by what becomes of them when regions hold it, and warnings.
 #pragma once
 
 #include <cstddef>

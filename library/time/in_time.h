@@ -99,7 +99,7 @@ std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
 std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
                                             const InTimeOptions& options);
 
-/// What check says of rods in time.
+/// Facts of rods in time for `check`.
 struct RodFacts
 {
     Json rods; ///< an object each
@@ -112,7 +112,7 @@ struct RodFacts
 /// Nothing for scenes without rods in time.
 std::optional<RodFacts> facts_of_rods(const std::string& input);
 
-/// What check says of flesh.
+/// Facts of flesh for `check`.
 struct FleshFacts
 {
     Json json;

@@ -14,7 +14,7 @@ namespace cellwarp::core
 /// not say it.
 std::string program_folder();
 
-/// How a helper ended, and what it wrote to stdout.
+/// End of a helper's run, and what it wrote to stdout.
 struct HelperEnd
 {
     int code = -1;  ///< -1: a signal ended it

@@ -17,7 +17,7 @@ struct Result
     std::string out, err;
 };
 
-/// What a child does before it becomes the program: close a stream, set a limit.
+/// Actions of a child before it becomes the program: close a stream, set a limit.
 using InChild = std::function<void()>;
 
 /// Runs a program to its end; no shell comes between.

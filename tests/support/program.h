@@ -16,7 +16,7 @@ namespace cellwarp::core::support
 /// Runs the command line to its end.
 Result run(const std::vector<std::string>& arguments, const InChild& in_child = {});
 
-/// Whether this build has what a command needs: render pictures, skeleton CGAL.
+/// True if this build has the parts that a command needs: render pictures, skeleton CGAL.
 bool can_run(const std::string& command);
 
 /// Starts it without streams, to be waited for or killed.

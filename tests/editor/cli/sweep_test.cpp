@@ -85,7 +85,7 @@ std::vector<std::map<std::string, std::string>> parsed_csv(const std::string& te
     return rows;
 }
 
-/// What a page draws.
+/// Data that a page draws.
 nlohmann::json data_of(const std::string& page)
 {
     const std::string before = "<script id=\"data\" type=\"application/json\">";
