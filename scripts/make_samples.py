@@ -590,7 +590,7 @@ def flesh(folder):
     skeleton_scene(into, "flop", "limb.obj", bones[:1] + [("middle", "shoulder", (0.7, 0, 0))],
                    [dict(time=0, joint="shoulder", rotate=[0, 0, 1, 0])],
                    in_time(1.5, every=0.125), E=1.2e4, across=28, damping={"alpha": 1.0},
-                   contact=[{"plane": [0.15, 1, 0, -0.35], "friction": 0.4}])
+                   obstacles=[{"plane": [0.15, 1, 0, -0.35], "friction": 0.4}])
     # The creature walks; head, ears and belly swing.
     walk = walk_keys()
     steps = [dict(key, time=key["time"] + k) for k in range(2) for key in walk
@@ -652,7 +652,7 @@ def flesh(folder):
                    [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
                    in_time(1.5, every=0.125), E=8e4, nu=0.45, across=28, damping={"alpha": 1.0},
                    materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 2.5e4}],
-                   contact=[{"sphere": [0, 0.38, 0.78, 0.25], "friction": 0.5,
+                   obstacles=[{"sphere": [0, 0.38, 0.78, 0.25], "friction": 0.5,
                              "keys": [dict(time=t, translate=[0, 0, z]) for t, z in ball]}])
     # Much the same in large cells, which are halved as long as the ball is there.
     ball = [(0.0, 0.0), (0.5, -0.375), (0.9, -0.375), (1.1, 0.0)]
@@ -661,7 +661,7 @@ def flesh(folder):
                    in_time(2.25, every=0.125), E=8e4, nu=0.45, across=14, max_depth=2, detail=0.03,
                    damping={"alpha": 1.0},
                    materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 2.5e4}],
-                   contact=[{"sphere": [0, 0.38, 0.78, 0.25], "friction": 0.5,
+                   obstacles=[{"sphere": [0, 0.38, 0.78, 0.25], "friction": 0.5,
                              "keys": [dict(time=t, translate=[0, 0, z]) for t, z in ball]}])
     # A point of the belly is pulled, and let go.
     pulled = [(0.0, 0.0), (0.5, 0.3), (0.75, 0.3)]
@@ -702,7 +702,7 @@ def flesh(folder):
     skeleton_scene(into, "rope", "belly.obj", body,
                    [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
                    dict(in_time(1.0, every=0.125), rods=[rope],
-                        joints=[{"a": "rod rope sliding",
+                        connections=[{"a": "rod rope sliding",
                                  "b": "flesh %g %g %g" % tuple(eyelet(a, 0.98))}
                                 for a in around]),
                    E=8e4, nu=0.45, across=20, damping={"alpha": 1.0},
@@ -725,7 +725,7 @@ def flesh(folder):
                    [dict(time=0, joint="base", rotate=[0, 0, 1, 0])],
                    {"simulate": {"duration": 1.25, "every": 0.125, "gravity": [0, 0, 0]},
                     "rods": [thread],
-                    "joints": [{"a": "rod thread " + ("sliding" if n else "0"),
+                    "connections": [{"a": "rod thread " + ("sliding" if n else "0"),
                                 "b": "flesh %g %g %g" % hole} for n, hole in enumerate(holes)]},
                    E=2e4, across=16, damping={"alpha": 4.0})
     # Only the root of the tail has a bone: the rest is flicked.
@@ -1280,7 +1280,7 @@ def carried(folder):
                                       {"time": 0.7, "translate": [0, 0, 0]}]}]}],
         {"dt": 0.004, "duration": 2.4, "every": 0.06},
         bodies=[{"name": "weight", "mass": 20, "inertia": [0.13, 0.13, 0.13], "at": [0, 1.1, 0.02]}],
-        joints=[{"a": "rod rope 1", "b": "body weight 0 0.2 0", "what": ["point", "frame"]}],
+        connections=[{"a": "rod rope 1", "b": "body weight 0 0.2 0", "what": ["point", "frame"]}],
         model="../creature.obj")
 
     # A sheet of tissue with a gaping slit: a thread through both lips draws them together.
@@ -1414,20 +1414,20 @@ def rods(folder):
     # Four rods of 15 points, by springs, fall over a bar that holds their middles.
     rod_scene(folder, "four", [
         {"name": "rod%d" % k, "through": [[-0.5, 0, 0.12 * k], [0.5, 0, 0.12 * k]],
-         "spans": 12, "radius": 0.012, "E": 2e5, "energy": "discrete",
+         "spans": 12, "radius": 0.012, "E": 2e5, "elasticity": "discrete",
          "fixed": [{"at": 0.5}]} for k in range(4)],
         {"dt": 0.002, "duration": 0.6, "every": 0.1, "viscosity": 0.2})
     # Four short ones of 10 points, Green strain.
     rod_scene(folder, "short", [
         {"name": "rod%d" % k, "through": [[0, 0, 0.12 * k], [0.3, 0, 0.12 * k]],
-         "spans": 7, "radius": 0.01, "E": 1e5 * 2 ** k, "energy": "continuous",
+         "spans": 7, "radius": 0.01, "E": 1e5 * 2 ** k, "elasticity": "continuous",
          "fixed": [{"at": 0, "what": clamp}]} for k in range(4)],
         {"dt": 0.002, "duration": 0.6, "every": 0.1})
     # Eleven rods of 15 points from one row, by springs.
     rod_scene(folder, "bundle", [
         {"name": "rod%d" % k,
          "through": [[0, 0, 0.04 * k], [0.5 + 0.02 * k, 0.1 * math.sin(k), 0.04 * k]],
-         "spans": 12, "radius": 0.008, "E": 3e5, "energy": "discrete",
+         "spans": 12, "radius": 0.008, "E": 3e5, "elasticity": "discrete",
          "fixed": [{"at": 0, "what": clamp}]} for k in range(11)],
         {"dt": 0.002, "duration": 0.9, "every": 0.15})
     # Two ropes through holes off their middles: one sticks, one runs off and falls.
@@ -1480,7 +1480,7 @@ def sheets(folder):
                 {"name": "right", "corner": [-0.4, 0, 0.04], "sides": [[0.8, 0, 0],
                                                                       [0, 0, 0.44]],
                  "fixed": [[0, 1], [1, 1]], **cloth}],
-        joints=joints)
+        connections=joints)
 
 
 def touching_rods(folder):
@@ -1509,7 +1509,7 @@ def touching_rods(folder):
          "fixed": [{"at": 0}, {"at": 1}],
          "cut": [{"at": 0.45, "time": 0.15}, {"at": 0.7, "time": 0.25}]}],
         {"dt": 0.001, "duration": 0.75, "every": 0.15},
-        obstacles=[{"plane": [0, 1, 0, 0]}], contact={"friction": 0.4})
+        obstacles=[{"plane": [0, 1, 0, 0]}], rod_contact={"friction": 0.4})
     # An overhand knot is pulled tight and loosened again; knots of the spline come and go.
     def overhand(refine):
         points = []
@@ -1532,7 +1532,7 @@ def touching_rods(folder):
         rod_scene(folder, name, [overhand(refine)],
                   {"dt": 0.002, "duration": 4.0, "every": 0.2, "gravity": [0, 0, 0],
                    "viscosity": 0.3},
-                  contact={"friction": 0.05})
+                  rod_contact={"friction": 0.05})
     # Eleven rods of 15 points, by springs, fall on a heap.
     random.seed(3)
     rods = []
@@ -1544,9 +1544,9 @@ def touching_rods(folder):
         rods.append({"name": "rod%d" % k,
                      "through": [[round(off[0] - c, 6), height, round(off[1] - s, 6)],
                                  [round(off[0] + c, 6), height, round(off[1] + s, 6)]],
-                     "spans": 12, "radius": 0.008, "E": 5e5, "energy": "discrete"})
+                     "spans": 12, "radius": 0.008, "E": 5e5, "elasticity": "discrete"})
     rod_scene(folder, "pile", rods, {"dt": 0.001, "duration": 1.0, "every": 0.1},
-              obstacles=[{"plane": [0, 1, 0, 0]}], contact={"friction": 0.3})
+              obstacles=[{"plane": [0, 1, 0, 0]}], rod_contact={"friction": 0.3})
     # A rod that keys lead pushes a free one.
     clamp = ["point", "tangent", "twist"]
     rod_scene(folder, "pushed", [
@@ -1555,7 +1555,7 @@ def touching_rods(folder):
              {"time": 0}, {"time": 0.5, "translate": [1, 0, 0]}]} for at in (0, 1)]},
         {"name": "free", "through": [[0.1, -0.2, 0], [0.1, 0, 0], [0.1, 0.2, 0]],
          "radius": 0.01, "E": 1e6}],
-        {"dt": 0.002, "duration": 0.2, "every": 0.05, "gravity": [0, 0, 0]}, contact=True)
+        {"dt": 0.002, "duration": 0.2, "every": 0.05, "gravity": [0, 0, 0]}, rod_contact=True)
     # A rope is pulled over a ball against a load: a capstan of half a turn.
     rope = [[-0.105, round(-0.1 + 0.02 * k, 6), 0] for k in range(5)]
     for k in range(33):
@@ -1570,7 +1570,7 @@ def touching_rods(folder):
                                       {"time": 0.6, "translate": [0, -0.06, 0]}]}]}],
         {"dt": 0.001, "duration": 0.6, "every": 0.2, "gravity": [0, 0, 0], "viscosity": 0.02,
          "report": ["forces", "sections"]},
-        obstacles=[{"sphere": [0, 0, 0, 0.1]}], contact={"friction": 0.3, "self": False})
+        obstacles=[{"sphere": [0, 0, 0, 0.1]}], rod_contact={"friction": 0.3, "self": False})
     # Three ropes fall on the creature.
     rod_scene(folder, "drape", [
         {"name": "rope%d" % k,
@@ -1579,7 +1579,7 @@ def touching_rods(folder):
          "spans": 24, "radius": 0.045, "E": 3e5} for k in range(3)],
         {"dt": 0.001, "duration": 1.0, "every": 0.2, "viscosity": 1},
         obstacles=[{"mesh": "../creature.obj"}, {"plane": [0, 1, 0, -0.06]}],
-        contact={"friction": 0.5, "stiffness": 6e4})
+        rod_contact={"friction": 0.5, "stiffness": 6e4})
     # A soft tube of 165 points falls together in a box.
     coil = []
     for k in range(55):
@@ -1595,7 +1595,7 @@ def touching_rods(folder):
         obstacles=[{"plane": plane} for plane in (
             [0, 1, 0, 0], [1, 0, 0, -0.11], [-1, 0, 0, -0.11], [0, 0, 1, -0.085],
             [0, 0, -1, -0.085])],
-        contact={"friction": 0.1})
+        rod_contact={"friction": 0.1})
 
 
 def joined_rods(folder):
@@ -1636,7 +1636,7 @@ def joined_rods(folder):
         {"dt": 0.001, "duration": 0.3, "every": 0.05, "gravity": [0, 0, 0],
          "viscosity": 0.3},
         bodies=[{"name": side, "mass": mass, "inertia": inertia,
-                 "at": [middle[side], 0.075, 0]} for side in middle], joints=joints)
+                 "at": [middle[side], 0.075, 0]} for side in middle], connections=joints)
     # A thread through the edges of two nets, pulled by its needle.
     nets = []
     for name, side in (("left", -1), ("right", 1)):
@@ -1659,7 +1659,7 @@ def joined_rods(folder):
                                       {"time": 1.2, "translate": [0, 0, 0.55]}]}]}],
         {"dt": 0.002, "duration": 1.2, "every": 0.24, "gravity": [0, 0, 0],
          "viscosity": 0.2}, nets=nets,
-        joints=[{"a": "rod thread 0", "b": "net left 0"}] +
+        connections=[{"a": "rod thread 0", "b": "net left 0"}] +
                [{"a": "rod thread sliding", "b": "net %s %d" % (name, 4 * j)}
                 for name, j in holes[1:]])
     # A rope's end on the rope itself, its noose round something that holds it.
@@ -1684,7 +1684,7 @@ def joined_rods(folder):
             "radius": 0.02, "E": 1e7, "velocity": [0, 0, 3],
             "fixed": [{"at": rounded(k / 7), "what": ["curvature"]} for k in range(8)]}
     rod_scene(folder, "swing", ropes + [seat], {"dt": 0.002, "duration": 1.6, "every": 0.32},
-              joints=[{"a": "rod rope%d 1" % k, "b": "rod seat %d" % k,
+              connections=[{"a": "rod rope%d 1" % k, "b": "rod seat %d" % k,
                        "what": ["point", "frame"]} for k in (0, 1)])
     # Four ropes hold a net, on which a plate lies.
     grid = [[rounded(0.15 * (i - 2)), 0, rounded(0.15 * (j - 2))]
@@ -1699,7 +1699,7 @@ def joined_rods(folder):
               bodies=[{"name": "plate", "mass": 0.6, "inertia": [0.0055, 0.0105, 0.0055]}],
               nets=[{"name": "net", "points": grid, "springs": square_net(grid, 5, 400),
                      "mass": 0.4}],
-              joints=[{"a": "rod rope%d 1" % k, "b": "net net %d" % c}
+              connections=[{"a": "rod rope%d 1" % k, "b": "net net %d" % c}
                       for k, c in enumerate(corners)] +
                      [{"a": "body plate %g 0 %g" % (grid[q][0], grid[q][2]),
                        "b": "net net %d" % q} for q in below])
@@ -1722,7 +1722,7 @@ def joined_rods(folder):
         {"name": "thread", "through": [on_ring(2 * math.pi * k / 28) for k in range(28)],
          "closed": True, "spans": 1, "radius": 0.006, "E": 2e6}],
         {"dt": 0.002, "duration": 0.75, "every": 0.15, "viscosity": 0.05,
-         "gravity": [2, -9.6, 0]}, bodies=bodies, joints=joints)
+         "gravity": [2, -9.6, 0]}, bodies=bodies, connections=joints)
 
 
 def drawing(folder):

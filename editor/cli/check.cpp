@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "editor/cli/command.h"
 #include "editor/cli/rods_json.h"
@@ -12,7 +13,6 @@
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
 #include "io/scene/scene_file.h"
-#include "io/scene/time_settings.h"
 #include "library/session/body.h"
 #include "library/session/json.h"
 #include "library/session/session_json.h"
@@ -26,7 +26,8 @@ namespace
 {
 
 /// A scene of nothing but rods in time: what simulate would begin with.
-int check_rods(const SessionFlags& flags, const RodFacts& rods, const CommonFlags& common)
+int check_rods(const SessionFlags& flags, const SceneFile& scene, const RodFacts& rods,
+               const CommonFlags& common)
 {
     if (!flags.handles.empty() || !flags.sel.empty() || !flags.def.empty() ||
         flags.script.is_given())
@@ -35,14 +36,13 @@ int check_rods(const SessionFlags& flags, const RodFacts& rods, const CommonFlag
                                              "moves are for edits"));
     print_warnings(rods.warnings, common);
     const std::string text =
-        common.is_json ? json_text({{"model", has_model(flags.model)
-                                                  ? Json(read_scene(flags.model).model)
-                                                  : Json()},
-                                    {"frames", rods.num_frames},
-                                    {"steps", rods.num_steps},
-                                    {"rods_in_time", rods.rods},
-                                    {"warnings", rods.warnings}})
-                       : fmt::format("{}: {}: in order\n", flags.model, rods.text);
+        common.is_json
+            ? json_text({{"model", scene.model.empty() ? Json() : Json(scene.model)},
+                         {"frames", rods.num_frames},
+                         {"steps", rods.num_steps},
+                         {"rods_in_time", rods.rods},
+                         {"warnings", rods.warnings}})
+            : fmt::format("{}: {}: in order\n", flags.model, rods.text);
     write_file("-", text, Overwrite::Yes);
     return 0;
 }
@@ -68,17 +68,21 @@ void check_later_stages(const HandleFile& handles, const Geometry& geometry)
 
 int run(const SessionFlags& flags, const CommonFlags& common)
 {
-    const std::optional<RodFacts> rods = facts_of_rods(flags.model);
+    const SceneFile scene = scene_or_model(flags.model);
+    if (!scene.unknown_keys.empty())
+        throw Error(Fault::Malformed,
+                    fmt::format("{}", fmt::join(scene.unknown_keys, "\n")));
+    const std::optional<RodFacts> rods = facts_of_rods(scene);
     if (rods && rods->are_all)
-        return check_rods(flags, *rods, common);
-    const bool has_flesh = cellwarp::core::has_flesh(time_scene_of(flags.model));
-    SessionRequest request = read_request(flags, has_flesh ? ForTime::Yes : ForTime::No);
+        return check_rods(flags, scene, *rods, common);
+    SessionRequest request =
+        read_request(flags, scene.has_flesh() ? ForTime::Yes : ForTime::No, scene);
     const auto geometry = std::make_shared<const Geometry>(
-        read_geometry(request.model, request.read).geometry);
+        read_geometry(request.scene.model, request.read).geometry);
     if (!request.handles)
         request.handles.emplace();
     const std::optional<FleshFacts> flesh =
-        facts_of_flesh(flags.model, *request.handles, *geometry, request.settings.cells);
+        facts_of_flesh(scene, *request.handles, *geometry, request.settings.cells);
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();
@@ -106,7 +110,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
         parts = system->rest().parts;
     std::string text;
     if (common.is_json)
-        text = json_text({{"model", request.model},
+        text = json_text({{"model", request.scene.model},
                           {"samples", samples},
                           {"cells", cells},
                           {"regions", regions},
@@ -139,8 +143,8 @@ void add_check(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<SessionFlags>();
     CLI::App* command = app.add_subcommand(
-        "check", "Reads and validates everything a scene names; solves "
-                 "nothing.\n\n"
+        "check", "Reads and validates everything a scene names, unknown keys among it; "
+                 "solves nothing.\n\n"
                  "  cellwarp check samples/bar.json\n"
                  "  cellwarp check scan.ply --handles bend.handles\n");
     flags->add_to(*command);

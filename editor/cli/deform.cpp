@@ -314,7 +314,7 @@ std::string closing_line(const Outcome& outcome, const std::optional<Volume>& vo
 Json session_json(const Session& session, const SessionRequest& request)
 {
     Json json = Json::object();
-    json["model"] = request.model;
+    json["model"] = request.scene.model;
     json["samples"] = session.geometry().samples.size();
     json["faces"] = session.geometry().num_faces();
     add_cells(json, session);
@@ -418,14 +418,14 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     if (!request.handles)
         request.handles.emplace();
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
-    check_outputs(name, flags, request.model, *request.handles, common);
+    check_outputs(name, flags, request.scene.model, *request.handles, common);
     if (!flags.field.empty())
         check_field_output(flags.field, frames, common);
     request.settings.keeps_fields = !flags.field.empty();
 
     RunTimes ms;
     const auto model =
-        std::make_shared<GeometryFile>(read_geometry(request.model, request.read));
+        std::make_shared<GeometryFile>(read_geometry(request.scene.model, request.read));
     // The mesh of a skinned glTF, posed by joints, is written as one that moves.
     const bool is_patched =
         !has_joints(*request.handles) ||

@@ -24,6 +24,6 @@ struct Film
     std::function<std::vector<std::string>()> warnings; ///< so far
 };
 /// Nothing for models and for scenes of edits.
-std::optional<Film> film_of(const std::string& input);
+std::optional<Film> film_of(const SceneFile& scene);
 
 } // namespace cellwarp::core

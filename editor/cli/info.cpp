@@ -179,10 +179,10 @@ SceneContents contents_of(const std::string& path)
     SceneContents out;
     Json regions = Json::array(), joints = Json::array();
     std::size_t frames = 0;
-    if (has_model(path))
+    const SceneFile scene = read_scene(path);
+    out.model = scene.model;
+    if (!scene.model.empty())
     {
-        const SceneFile scene = read_scene(path);
-        out.model = scene.model;
         std::vector<std::string> warnings; // those of the scene are for other commands
         if (const std::optional<HandleFile> script =
                 script_of(scene, scene.handles, warnings))
@@ -198,7 +198,7 @@ SceneContents contents_of(const std::string& path)
     out.json["regions"] = std::move(regions);
     out.json["joints"] = std::move(joints);
     out.json["frames"] = frames;
-    Json time = scene_in_time(path);
+    Json time = scene_in_time(scene);
     out.json["rods_in_time"] = time.is_null() ? Json::array() : time["rods"];
     out.json["time"] = std::move(time);
     return out;

@@ -172,7 +172,8 @@ int run(const RenderFlags& flags, const CommonFlags& common)
         throw Error(Fault::Usage, "--strip and --frame: one of them");
     std::vector<Figure> figures;
     std::vector<std::string> warnings;
-    const std::optional<Film> film = film_of(flags.session.model);
+    const SceneFile scene = scene_or_model(flags.session.model);
+    const std::optional<Film> film = film_of(scene);
     if (!flags.focus.empty() && (film || !flags.session.has_session()))
         throw Error(Fault::Usage,
                     "--focus needs a region: of a scene, --handles, --fix or "
@@ -193,7 +194,7 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     }
     else
     {
-        SessionRequest request = read_request(flags.session);
+        SessionRequest request = read_request(flags.session, ForTime::No, scene);
         if (!request.handles || request.handles->stages.empty() ||
             request.handles->stages.front().frames.empty())
         {
@@ -208,7 +209,7 @@ int run(const RenderFlags& flags, const CommonFlags& common)
         std::size_t num_frames = 0;
         for (const Stage& stage : request.handles->stages)
             num_frames += stage.frames.size();
-        Session session(read_geometry(request.model, request.read).geometry,
+        Session session(read_geometry(request.scene.model, request.read).geometry,
                         std::move(*request.handles), request.settings);
         figures = figures_of(session, num_frames, flags, options);
         warnings = session.warnings();

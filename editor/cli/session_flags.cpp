@@ -117,7 +117,8 @@ bool SessionFlags::has_session() const
            script.is_given();
 }
 
-SessionRequest read_request(const SessionFlags& flags, ForTime for_time)
+SessionRequest read_request(const SessionFlags& flags, ForTime for_time,
+                            std::optional<SceneFile> scene)
 {
     if (flags.sel.empty() != flags.def.empty())
         throw Error(Fault::Usage, "--sel and --def go together");
@@ -145,7 +146,8 @@ SessionRequest read_request(const SessionFlags& flags, ForTime for_time)
         changes.script = flags.script.handles();
     else if (!flags.sel.empty())
         changes.script = read_survey_pair(flags.sel, flags.def);
-    SessionRequest request = request_of(flags.model, for_time, changes);
+    SessionRequest request = request_of(
+        scene ? std::move(*scene) : scene_or_model(flags.model), for_time, changes);
     if (flags.script.is_given() && request.scene.skeleton)
         throw Error(Fault::Usage, "--fix, --handle and --move do not know the skeleton "
                                   "of a scene: write a handle file");

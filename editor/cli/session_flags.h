@@ -36,7 +36,9 @@ struct SessionFlags
     bool has_session() const; ///< a scene, or a model with handles
 };
 
-/// Reads the scene (if the model is one) and the handle file; flags win. Throws Error.
-SessionRequest read_request(const SessionFlags& flags, ForTime for_time = ForTime::No);
+/// The request of flags and their model, which may be a scene; flags win. \p scene: the
+/// model, if it has been read already. Throws Error.
+SessionRequest read_request(const SessionFlags& flags, ForTime for_time = ForTime::No,
+                            std::optional<SceneFile> scene = {});
 
 } // namespace cellwarp::core

@@ -247,9 +247,10 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         progress.show(share,
                       fmt::format("cells of frame {}, {}", now.frame, now.iteration));
     };
-    const std::unique_ptr<InTime> in_time = open_in_time(flags.scene, options);
+    const SceneFile scene = scene_or_model(flags.scene);
+    const std::unique_ptr<InTime> in_time = open_in_time(scene, options);
     if (!in_time)
-        throw malformed({flags.scene, 0, "simulate"},
+        throw malformed({flags.scene, 0, scene.is_simulated ? "rods" : "simulate"},
                         "is missing: there is nothing to simulate");
     check_outputs(flags, *in_time, common);
     Outputs outputs(flags, common, *in_time);
@@ -307,9 +308,9 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
 
 } // namespace
 
-std::optional<Film> film_of(const std::string& input)
+std::optional<Film> film_of(const SceneFile& scene)
 {
-    const std::shared_ptr<InTime> in_time = open_in_time(input);
+    const std::shared_ptr<InTime> in_time = open_in_time(scene);
     if (!in_time)
         return std::nullopt;
     const auto frame = std::make_shared<std::int64_t>(0);

@@ -116,12 +116,12 @@ void measure_cells(const Session& session, StabilityRow& row)
 }
 
 /// Runs an edit to its end.
-Result play(const StabilityCase& of, StabilityRow& row)
+Result play(const SceneFile& scene, StabilityRow& row)
 {
-    SessionRequest request = request_of(of.path, ForTime::No);
+    SessionRequest request = request_of(scene, ForTime::No);
     request.settings.time_budget = kTime;
     Session session(geometry_of(std::make_shared<const GeometryFile>(
-                        read_geometry(request.model, request.read))),
+                        read_geometry(request.scene.model, request.read))),
                     request.handles ? std::move(*request.handles) : HandleFile(),
                     request.settings);
     while (session.upcoming_frame())
@@ -144,21 +144,18 @@ Result play(const StabilityCase& of, StabilityRow& row)
 }
 
 /// Runs a scene in time to its end.
-Result follow(const StabilityCase& of, StabilityRow& row)
+Result follow(InTime& scene, const StabilityCase& of, StabilityRow& row)
 {
-    const std::unique_ptr<InTime> scene = open_in_time(of.path);
-    if (!scene)
-        throw Error(Fault::Usage, at({of.path, 0, ""}, "nothing in it moves in time"));
     Result result;
     row.outcome = stop_name(Stop::Converged);
     row.iterations = 0;
     row.violation = 0.0;
     double first = 0.0, highest = -INFINITY, size = 0.0;
-    for (std::int64_t frame = 0; frame <= scene->last_frame(); ++frame)
+    for (std::int64_t frame = 0; frame <= scene.last_frame(); ++frame)
     {
         if (frame > 0)
-            scene->next_frame([] {}, false);
-        const Json told = scene->tell(frame, true).json;
+            scene.next_frame([] {}, false);
+        const Json told = scene.tell(frame, true).json;
         const double kinetic = told["energy"]["kinetic"].get<double>(),
                      elastic = told["energy"]["elastic"].get<double>(),
                      gravity = told["energy"]["gravity"].get<double>();
@@ -216,7 +213,9 @@ double digits_lost(const StabilityCase& of, const std::vector<Eigen::Vector3d>& 
 
 Result run_once(const StabilityCase& of, StabilityRow& row)
 {
-    return of.is_in_time ? follow(of, row) : play(of, row);
+    const SceneFile scene = read_scene(of.path);
+    const std::unique_ptr<InTime> in_time = open_in_time(scene);
+    return in_time ? follow(*in_time, of, row) : play(scene, row);
 }
 
 StabilityRow run_case(const StabilityCase& of, std::map<std::string, Result>& results)

@@ -239,7 +239,6 @@ ExtremeScene in_time(const std::string& group, const std::string& name,
     out.of.group = group;
     out.of.name = name;
     out.scene = scene + "\n";
-    out.of.is_in_time = true;
     return out;
 }
 

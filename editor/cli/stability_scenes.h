@@ -24,7 +24,6 @@ struct StabilityCase
     std::string group; ///< "rotations", "teleports", ...
     std::string name;  ///< of its file, without ".json"
     std::string path;
-    bool is_in_time = false; ///< for simulate
 
     /// The scene whose result this one would have, but for rounding: it is that one times
     /// \ref scale, moved by \ref offset. Empty: none.

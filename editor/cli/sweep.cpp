@@ -22,7 +22,6 @@
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
-#include "io/scene/time_settings.h"
 #include "library/session/json.h"
 #include "library/time/in_time.h"
 #include "octree/base/helper.h"
@@ -296,7 +295,6 @@ StabilityCase case_of(const std::string& scene)
     of.group = "scenes";
     of.name = fs::path(scene).stem().string();
     of.path = scene;
-    of.is_in_time = time_scene_of(scene) != TimeScene::None;
     return of;
 }
 
@@ -378,7 +376,7 @@ int run(SweepFlags flags, const CommonFlags& common)
                         common.overwrite());
     SweepReport report;
     report.scene = flags.session.model;
-    report.model = request.model;
+    report.model = request.scene.model;
     report.settings = sweep_settings(flags, request.settings);
     report.machine = this_machine();
     report.threads = common.threads > 0 ? common.threads : report.machine.cores;
@@ -387,7 +385,7 @@ int run(SweepFlags flags, const CommonFlags& common)
                     at({flags.session.model, 0, ""},
                        "has no frame, and a sweep needs a deformation to measure (name "
                        "a handle file with frames in the scene or by --handles)"));
-    SweepInput input{request.model, request.read, std::move(*request.handles)};
+    SweepInput input{request.scene.model, request.read, std::move(*request.handles)};
     if (flags.against)
     {
         report.against = *flags.against;

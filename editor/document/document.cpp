@@ -256,11 +256,12 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         if (const auto checksum = checksum_of_file(path))
             s.checksums[path] = *checksum;
         s.scene = read_scene(path);
+        need_model(s.scene);
         if (const auto checksum = checksum_of_file(s.scene.handles))
             s.checksums[s.scene.handles] = *checksum;
         s.scene_path = path;
         s.warnings = s.scene.warnings;
-        if (!s.scene.has_carriers && !s.scene.time) // else it can be played
+        if (!s.scene.time.carries() && !s.scene.has_flesh()) // else it can be played
             s.warnings.insert(s.warnings.end(), s.scene.left_out.begin(),
                               s.scene.left_out.end());
         s.edited.settings = s.scene.settings;
@@ -282,10 +283,7 @@ Document::Document(const std::string& path, const std::string& journal_folder)
                                                   s.scene.skeleton.has_value())));
     }
     else
-    {
-        s.scene.path = path;
-        s.scene.model = path;
-    }
+        s.scene = scene_or_model(path);
     s.model = std::make_shared<const GeometryFile>(read_geometry(s.scene.model));
     s.box = bounding_box(s.model->geometry.samples);
     s.frame = s.scene.frame ? given_frame(*s.scene.frame, s.scene.path)
@@ -667,18 +665,15 @@ void Document::save(const std::string& scene_path, Overwrite overwrite, SavedPar
     const bool is_whole = part == SavedPart::All && s.scene.skeleton.has_value();
     if (const std::string why = why_not_whole(); is_whole && !why.empty())
         throw usage(why);
-    if (is_own && !is_whole && s.scene.time)
+    if (is_own && !is_whole && s.scene.has_flesh())
         throw usage(in_quotes(scene_path) +
                     " has flesh in time, which poses alone do not keep: save them under "
                     "another name");
     SceneFile scene = with_settings(s.scene, s.edited.settings);
-    scene.text = moved_scene_text(s.scene.text, s.scene.path, scene_path);
+    scene.text = moved_scene_text(s.scene, scene_path);
     scene.path = scene_path;
     if (!is_whole)
-    {
         scene.skeleton.reset();
-        scene.time.reset();
-    }
     HandleFile handles = s.handles_to_write(is_whole);
     const bool has_handles = !is_whole || !is_empty(handles);
     if (!has_handles)
@@ -715,6 +710,8 @@ void Document::save(const std::string& scene_path, Overwrite overwrite, SavedPar
     {
         fail_in_use(scene_path, error);
     }
+    SceneFile written = parse_scene(scene_path, scene_bytes);
+    written.save.reset();
     OutputSet files(overwrite);
     if (has_handles)
         files.write(scene.handles, handle_bytes);
@@ -731,8 +728,7 @@ void Document::save(const std::string& scene_path, Overwrite overwrite, SavedPar
     if (has_handles)
         s.checksums[scene.handles] = checksum_of(handle_bytes);
     s.scene_path = scene_path;
-    s.scene = scene;
-    s.scene.text = scene_bytes; // what is played is read from it
+    s.scene = std::move(written);
     if (!is_whole)
         s.num_keyed_frames = 0;
     s.edited.handles.path = handles.path;

@@ -48,7 +48,7 @@ constexpr std::size_t kManySamples = 250'000;
 bool opens_at_rest(const Document& document)
 {
     const SceneFile scene = document.scene();
-    return scene.time || scene.has_carriers || document.has_keys_of_scene();
+    return scene.has_flesh() || scene.time.carries() || document.has_keys_of_scene();
 }
 
 /// What a drag has in the hand.

@@ -371,7 +371,7 @@ bool EditorApp::can_live() const
     if (!opened_)
         return false;
     const SceneFile& scene = std::as_const(opened_->editing).document().scene();
-    return scene.time && !scene.has_rods;
+    return scene.in_time() == TimeScene::Flesh;
 }
 
 void EditorApp::live()

@@ -69,9 +69,10 @@ struct Film::State
     void make()
     {
         const std::unique_ptr<FilmSource> source =
-            !scene.time      ? film_of_rods({model, handles, scene})
-            : scene.has_rods ? film_of_joined({model, handles, scene})
-                             : film_of_flesh({model, handles, scene});
+            scene.in_time() == TimeScene::FleshAndRods
+                ? film_of_joined({model, handles, scene})
+            : scene.has_flesh() ? film_of_flesh({model, handles, scene})
+                                : film_of_rods({model, handles, scene});
         std::shared_ptr<const ShapeLayout> own_layout = layout_of(model->geometry);
         double bytes = 0.0;
         const auto add = [&]
@@ -141,13 +142,13 @@ struct Film::State
 bool Film::is_in(const Document& document)
 {
     const SceneFile& scene = document.scene();
-    return scene.has_carriers || scene.time;
+    return scene.has_flesh() || scene.time.carries();
 }
 
 std::string Film::poses_of(const Document& document)
 {
     const SceneFile scene = document.scene();
-    if (!scene.time)
+    if (!scene.has_flesh())
         return "";
     // Without keys the frames are what is played.
     const std::size_t own =

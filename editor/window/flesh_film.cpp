@@ -30,10 +30,7 @@ FleshSimulation simulation_of(const FilmScene& of)
 {
     CellSettings cells = settings_of(of.scene).cells;
     cells.max_memory = default_memory_limit();
-    // Of the document's scene the skeleton has become statements.
-    return FleshSimulation(geometry_of(of.model),
-                           parse_scene(of.scene.path, of.scene.text), cells, false,
-                           of.handles);
+    return FleshSimulation(geometry_of(of.model), of.scene, cells, false, of.handles);
 }
 
 class FleshFilm final : public FilmSource

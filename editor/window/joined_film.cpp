@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/window/film_source.h"
-#include "io/scene/rod_scene.h"
 #include "library/session/memory_limit.h"
 #include "library/session/scene_settings.h"
 #include "library/time/joined_simulation.h"
@@ -15,9 +14,7 @@ class JoinedFilm final : public FilmSource
 {
 public:
     explicit JoinedFilm(const FilmScene& of)
-        : simulation_(geometry_of(of.model), parse_scene(of.scene.path, of.scene.text),
-                      parse_rod_scene(of.scene.path, of.scene.text), cells_for(of), false,
-                      of.handles)
+        : simulation_(geometry_of(of.model), of.scene, cells_for(of), false, of.handles)
     {
     }
 

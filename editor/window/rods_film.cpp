@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/window/film_source.h"
-#include "io/scene/rod_scene.h"
 #include "library/session/memory_limit.h"
 #include "library/session/scene_settings.h"
 #include "library/time/carried_model.h"
@@ -18,8 +17,8 @@ class RodsFilm final : public FilmSource
 {
 public:
     explicit RodsFilm(const FilmScene& of)
-        : rods_(parse_rod_scene(of.scene.path, of.scene.text)), simulation_(rods_),
-          carried_(geometry_of(of.model), of.handles, settings_for(of), rods_.unit,
+        : time_(of.scene.time), simulation_(of.scene.time),
+          carried_(geometry_of(of.model), of.handles, settings_for(of), time_.unit,
                    simulation_)
     {
     }
@@ -30,7 +29,7 @@ public:
     }
     double seconds_a_frame() const override
     {
-        return rods_.dt * static_cast<double>(simulation_.steps_a_frame());
+        return time_.dt * static_cast<double>(simulation_.steps_a_frame());
     }
     std::string next() override
     {
@@ -45,7 +44,7 @@ public:
     DeformedSamples deformed() override { return carried_.session().deformed(); }
     std::vector<ShownLine> lines(const WorkFrame& view) const override
     {
-        return shown_rods(simulation_, rods_.unit, view);
+        return shown_rods(simulation_, time_.unit, view);
     }
 
 private:
@@ -56,7 +55,7 @@ private:
         return settings;
     }
 
-    RodScene rods_;
+    const TimeSettings time_;
     Simulation simulation_;
     CarriedModel carried_;
 };

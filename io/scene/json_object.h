@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Reading JSON files whose keys are known: what is wrong is told by its place.
+// Reading JSON files whose keys are known. Each error and warning names the key and its
+// line.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
-#include "io/base/error.h"
-#include "io/base/number.h"
+#include "io/base/file_limits.h"
 #include "io/scene/scene_settings.h"
 
 namespace cellwarp::core
@@ -23,152 +22,148 @@ namespace cellwarp::core
 
 using Json = nlohmann::json;
 
-/// Throws Fault::Malformed with the line of a syntax error; deep nesting is one. The last
-/// of several values of one key counts; \p warnings, if there are any, name the first
-/// such key.
-Json parse_json(const std::string& path, const std::string& text,
-                std::vector<std::string>* warnings = nullptr);
+/// Ranges of many keys.
+inline constexpr Between<double> kAny{-kHuge, kHuge}, kNotNegative{0.0, kHuge},
+    kPositive{kTiny, kHuge}, kShare{0.0, 1.0};
 
-/// A wrong value, told by its key from the root on: "rods[2].points". Where it stands in
-/// the text is not known yet: with_lines() finds it.
-class JsonError : public Error
+/// A JSON file while it is read, and what is found beside its values.
+struct JsonReading
 {
-public:
-    JsonError(const std::string& path, std::string field, std::string what)
-        : Error(malformed({path, 0, field}, what)), field_(std::move(field)),
-          what_(std::move(what))
-    {
-    }
-    /// With the line in \p text, the file's.
-    Error with_line(const std::string& path, const std::string& text) const;
+    const std::string& path;
+    const std::string& text;
+    std::vector<std::string> warnings = {};     ///< with those of unknown keys
+    std::vector<std::string> unknown_keys = {}; ///< the warnings of unknown keys alone
+    /// Keys whose values name files relative to this one: "skeleton.motion.file".
+    std::vector<std::string> file_keys = {};
 
-private:
-    std::string field_, what_;
+    /// A remark about the key \p field, from the root on: "rods[2].points".
+    std::string remark(const std::string& field, const std::string& what) const;
 };
 
-/// What \p read() returns, which reads JSON \p text: what is wrong there is told with its
-/// line.
-template <class Read>
-auto with_lines(const std::string& path, const std::string& text, const Read& read)
-{
-    try
-    {
-        return read();
-    }
-    catch (const JsonError& error)
-    {
-        throw error.with_line(path, text);
-    }
-}
+/// The values of the file. Throws Fault::Malformed with the line of a syntax error; deep
+/// nesting is one. If a key is in its object more than once its last value counts, and a
+/// warning names the first such key.
+Json parse_json(JsonReading& reading);
 
-/// Reads the keys of one JSON object and complains about the others.
+/// Whether each of a list of words is in a file: sets the flag beside the word.
+using Flags = std::initializer_list<std::pair<const char*, bool*>>;
+
+/// Reads the keys of one JSON object. Each read() leaves its output as it is if the key
+/// is missing, and returns whether it is there; it fails if the value is not allowed.
 class JsonObject
 {
 public:
-    /// \p prefix of its keys in messages: "cells.". All but \p prefix must outlive it.
-    JsonObject(const Json& json, const std::string& path, std::string prefix,
-               std::vector<std::string>& warnings)
-        : json_(json), path_(path), prefix_(std::move(prefix)), warnings_(warnings)
+    /// \p name: of the object, from the root on; empty: the root. \p json and \p reading
+    /// must outlive it.
+    JsonObject(const Json& json, JsonReading& reading, std::string name);
+
+    const Json* find(const std::string& key); ///< null: missing
+    /// \p key, or its old name if only that is there, with a warning that names the new
+    /// one.
+    std::string renamed(const std::string& key, const std::string& old);
+    bool read(const std::string& key, std::string& out);
+    bool read(const std::string& key, const OneOf& allowed, std::string& out);
+    bool read(const std::string& key, const Between<std::int64_t>& allowed,
+              std::int64_t& out);
+    bool read(const std::string& key, const Between<double>& allowed, double& out);
+    bool read(const std::string& key, YesOrNo, bool& out);
+    bool read(const std::string& key, bool& out) { return read(key, YesOrNo{}, out); }
+    /// A list of words.
+    bool read(const std::string& key, const Flags& out);
+    /// \p most: the largest size of a number.
+    template <std::size_t count>
+    bool read(const std::string& key, std::array<double, count>& out, double most = kHuge)
     {
-        if (!json.is_object())
-            fail("", "need an object");
+        const Json* const value = find(key);
+        if (value)
+            read_numbers(key, *value, most, out.data(), count);
+        return value;
+    }
+    /// A list of points.
+    bool read(const std::string& key, std::vector<std::array<double, 3>>& out,
+              double most = kHuge);
+    template <class Value>
+    bool read(const std::string& key, std::optional<Value>& out)
+    {
+        Value value{};
+        const bool is_there = read(key, value);
+        if (is_there)
+            out = std::move(value);
+        return is_there;
+    }
+    template <class Allowed, class Value>
+    bool read(const std::string& key, const Allowed& allowed, std::optional<Value>& out)
+    {
+        Value value{};
+        const bool is_there = read(key, allowed, value);
+        if (is_there)
+            out = std::move(value);
+        return is_there;
+    }
+    /// A name of a file, resolved against this one.
+    bool read_file_name(const std::string& key, std::string& out);
+    /// Calls \p read with the object of the key, and warns of the keys that it has not
+    /// asked for.
+    template <class Read>
+    bool read_object(const std::string& key, Read&& read)
+    {
+        const Json* const value = find(key);
+        if (value)
+            read_whole(*value, name_of(key), read);
+        return value;
+    }
+    /// Calls \p read with each value of a list and its key: "points[3]".
+    template <class Read>
+    bool read_list(const std::string& key, Read&& read)
+    {
+        const Json* const list = find(key);
+        if (list && !list->is_array())
+            fail(key, "need a list");
+        for (std::size_t k = 0; list && k < list->size(); ++k)
+            read((*list)[k], key + "[" + std::to_string(k) + "]");
+        return list;
+    }
+    /// The same for a list of objects, as read_object() does.
+    template <class Read>
+    bool read_objects(const std::string& key, Read&& read)
+    {
+        return read_list(key, [&](const Json& value, const std::string& item)
+                         { read_whole(value, name_of(item), read); });
+    }
+    template <class... Arguments>
+    void need(const std::string& key, Arguments&&... arguments)
+    {
+        if (!read(key, std::forward<Arguments>(arguments)...))
+            fail(key, "is missing");
     }
 
-    const Json* find(const std::string& key)
-    {
-        known_.push_back(key);
-        const auto found = json_.find(key);
-        return found == json_.end() ? nullptr : &*found;
-    }
-    void read(const std::string& key, std::optional<std::string>& out)
-    {
-        const Json* value = find(key);
-        if (!value)
-            return;
-        if (!value->is_string())
-            fail(key, "need a text");
-        out = value->get<std::string>();
-    }
-    void read(const std::string& key, const OneOf& allowed,
-              std::optional<std::string>& out)
-    {
-        read(key, out);
-        if (!out || allowed.has(*out))
-            return;
-        std::string words;
-        for (const char* word : allowed.words)
-            words += (words.empty() ? "" : ", ") + std::string(word);
-        fail(key, "got " + in_quotes(*out) + ", need one of " + words);
-    }
-    void read(const std::string& key, const Between<std::int64_t>& allowed,
-              std::optional<std::int64_t>& out)
-    {
-        const Json* value = find(key);
-        if (!value)
-            return;
-        if (!value->is_number_integer() ||
-            value->get<double>() < static_cast<double>(allowed.low) ||
-            value->get<double>() > static_cast<double>(allowed.high))
-            fail(key, "got " + value->dump().substr(0, 40) + ", need an integer from " +
-                          std::to_string(allowed.low) + " to " +
-                          std::to_string(allowed.high));
-        out = value->get<std::int64_t>();
-    }
-    void read(const std::string& key, const Between<double>& allowed,
-              std::optional<double>& out)
-    {
-        const Json* value = find(key);
-        if (!value)
-            return;
-        if (!value->is_number() || !(value->get<double>() >= allowed.low) ||
-            !(value->get<double>() <= allowed.high))
-            fail(key, "got " + value->dump().substr(0, 40) + ", need a number from " +
-                          shortest(allowed.low) + " to " + shortest(allowed.high));
-        out = value->get<double>();
-    }
-    void read(const std::string& key, YesOrNo, std::optional<bool>& out)
-    {
-        const Json* value = find(key);
-        if (!value)
-            return;
-        if (!value->is_boolean())
-            fail(key, "got " + value->dump().substr(0, 40) + ", need true or false");
-        out = value->get<bool>();
-    }
-    std::array<double, 3> vector(const std::string& key, const Json& value) const
-    {
-        std::array<double, 3> out{};
-        if (!value.is_array() || value.size() != 3)
-            fail(key, "need three numbers");
-        for (std::size_t k = 0; k < 3; ++k)
-        {
-            if (!value[k].is_number() || !std::isfinite(value[k].get<double>()))
-                fail(key, "need three finite numbers");
-            out[k] = value[k].get<double>();
-        }
-        return out;
-    }
-    void warn_of_the_rest() const
-    {
-        for (const auto& [key, value] : json_.items())
-            if (std::find(known_.begin(), known_.end(), key) == known_.end())
-                warnings_.push_back(
-                    at({path_, 0, prefix_ + key}, "unknown key, ignored"));
-    }
-    [[noreturn]] void fail(const std::string& key, const std::string& what) const
-    {
-        // The object itself, without the dot of what would follow.
-        const bool is_whole = key.empty() && !prefix_.empty();
-        throw JsonError(path_,
-                        is_whole ? prefix_.substr(0, prefix_.size() - 1) : prefix_ + key,
-                        what);
-    }
+    const std::string& name() const { return name_; }
+    std::string name_of(const std::string& key) const;
+    JsonReading& reading() { return reading_; }
+    /// Keys that were asked for so far, in their order.
+    const std::vector<std::string>& known() const { return known_; }
+    /// Remarks about the keys that are there and not empty, of those that known() has
+    /// from \p first on.
+    std::vector<std::string> left_out(std::size_t first, const std::string& why) const;
+    void warn(const std::string& key, const std::string& what);
+    void warn_of_the_rest();
+    /// An empty key names the object itself.
+    [[noreturn]] void fail(const std::string& key, const std::string& what) const;
 
 private:
+    void read_numbers(const std::string& key, const Json& value, double most, double* out,
+                      std::size_t count) const;
+    template <class Read>
+    void read_whole(const Json& value, const std::string& name, Read& read)
+    {
+        JsonObject object(value, reading_, name);
+        read(object);
+        object.warn_of_the_rest();
+    }
+
     const Json& json_;
-    const std::string& path_;
-    std::string prefix_;
-    std::vector<std::string>& warnings_;
+    JsonReading& reading_;
+    std::string name_;
     std::vector<std::string> known_;
 };
 

@@ -7,10 +7,7 @@
 #include <set>
 #include <utility>
 
-#include "io/base/bytes.h"
-#include "io/base/file_limits.h"
-#include "io/base/relative_name.h"
-#include "io/base/text.h"
+#include "io/base/number.h"
 #include "io/scene/json_object.h"
 
 namespace cellwarp::core
@@ -20,303 +17,174 @@ namespace
 {
 
 constexpr std::int64_t kMostSpans = 1000;
-constexpr std::size_t kMostPoints = 10'000'000;
 
-/// Reads what rods and simulate have in common, with defaults.
-class RodReader
+void read_turn(JsonObject& object, std::array<double, 4>& turn)
 {
-public:
-    RodReader(const Json& json, const RodScene& scene, std::string prefix,
-              std::vector<std::string>& warnings)
-        : object_(json, scene.path, std::move(prefix), warnings)
-    {
-    }
-    JsonObject& object() { return object_; }
-
-    void read(const char* key, double low, double high, double& out)
-    {
-        std::optional<double> value;
-        object_.read(key, Between<double>{low, high}, value);
-        out = value.value_or(out);
-    }
-    void read(const char* key, std::int64_t low, std::int64_t high, std::int64_t& out)
-    {
-        std::optional<std::int64_t> value;
-        object_.read(key, Between<std::int64_t>{low, high}, value);
-        out = value.value_or(out);
-    }
-    void read(const char* key, const OneOf& allowed, std::string& out)
-    {
-        std::optional<std::string> value;
-        object_.read(key, allowed, value);
-        out = value.value_or(out);
-    }
-    void read(const char* key, bool& out)
-    {
-        if (const Json* value = object_.find(key))
-        {
-            if (!value->is_boolean())
-                object_.fail(key, "need true or false");
-            out = value->get<bool>();
-        }
-    }
-    void read(const char* key, Triple& out)
-    {
-        if (const Json* value = object_.find(key))
-            out = object_.vector(key, *value);
-    }
-    template <std::size_t count>
-    bool read(const char* key, std::array<double, count>& out)
-    {
-        const Json* value = object_.find(key);
-        if (!value)
-            return false;
-        if (!value->is_array() || value->size() != count)
-            object_.fail(key, "need " + std::to_string(count) + " numbers");
-        for (std::size_t k = 0; k < count; ++k)
-        {
-            if (!(*value)[k].is_number() || !std::isfinite((*value)[k].get<double>()))
-                object_.fail(key, "need " + std::to_string(count) + " finite numbers");
-            out[k] = (*value)[k].get<double>();
-        }
-        return true;
-    }
-    /// Each item of a list, by its own reader.
-    template <class Each>
-    void each(const char* key, Each&& each)
-    {
-        const Json* list = object_.find(key);
-        if (!list)
-            return;
-        if (!list->is_array())
-            object_.fail(key, "need a list");
-        for (std::size_t k = 0; k < list->size(); ++k)
-            each((*list)[k], std::string(key) + "[" + std::to_string(k) + "]");
-    }
-    void points(const char* key, std::vector<Triple>& out)
-    {
-        each(key,
-             [&](const Json& value, const std::string& name)
-             {
-                 if (out.size() >= kMostPoints)
-                     object_.fail(key, "more points than a rod can have");
-                 const Triple point = object_.vector(name, value);
-                 for (const double x : point)
-                     if (std::abs(x) > kHuge)
-                         object_.fail(name, "is beyond 1e30");
-                 out.push_back(point);
-             });
-    }
-
-private:
-    JsonObject object_;
-};
-
-void read_turn(RodReader& reader, std::array<double, 4>& turn)
-{
-    reader.read("rotate", turn);
+    object.read("rotate", turn);
     if (turn[0] == 0 && turn[1] == 0 && turn[2] == 0)
-        reader.object().fail("rotate", "its axis has no length");
+        object.fail("rotate", "its axis has no length");
 }
 
-/// Keys whose times rise. \p read_value(reader of the key, key) reads all but the time.
+/// Keys whose times rise. \p read_value(key, its output) reads all but the time.
 template <class Key, class ReadValue>
-void read_timed_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
-                     std::vector<Key>& keys, const ReadValue& read_value)
+void read_timed_keys(JsonObject& object, std::vector<Key>& keys,
+                     const ReadValue& read_value)
 {
     double last = -1.0;
-    reader.each("keys",
-                [&](const Json& value, const std::string& name)
-                {
-                    RodReader key(value, scene, prefix + name + ".", scene.warnings);
-                    Key& out = keys.emplace_back();
-                    key.read("time", 0.0, kHuge, out.time);
-                    read_value(key, out);
-                    if (!(out.time > last))
-                        key.object().fail("time", "need times that rise");
-                    last = out.time;
-                    key.object().warn_of_the_rest();
-                });
+    object.read_objects("keys",
+                        [&](JsonObject& key)
+                        {
+                            Key& out = keys.emplace_back();
+                            key.read("time", kNotNegative, out.time);
+                            read_value(key, out);
+                            if (!(out.time > last))
+                                key.fail("time", "need times that rise");
+                            last = out.time;
+                        });
 }
 
-void read_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
-               std::vector<RodKey>& keys)
+void read_keys(JsonObject& object, std::vector<RodKey>& keys)
 {
-    read_timed_keys(reader, scene, prefix, keys,
-                    [](RodReader& key, RodKey& out)
+    read_timed_keys(object, keys,
+                    [](JsonObject& key, RodKey& out)
                     {
                         key.read("translate", out.translate);
                         read_turn(key, out.rotate);
                     });
 }
 
-void read_window(RodReader& reader, TimeWindow& window)
+void read_window(JsonObject& object, TimeWindow& window)
 {
-    reader.read("from", 0.0, kHuge, window.from);
-    if (reader.object().find("until"))
-        reader.read("until", window.from, kHuge, window.until.emplace(0.0));
+    object.read("from", kNotNegative, window.from);
+    object.read("until", Between<double>{window.from, kHuge}, window.until);
 }
 
 /// \p least: of a size.
-void read_sizes(RodReader& reader, RodScene& scene, const std::string& prefix,
-                double least, SizeInTime& sizes)
+void read_sizes(JsonObject& object, double least, SizeInTime& sizes)
 {
-    read_window(reader, sizes);
-    read_timed_keys(reader, scene, prefix, sizes.keys,
-                    [least](RodReader& key, SizeKey& out)
-                    { key.read("size", least, kHuge, out.size); });
+    read_window(object, sizes);
+    read_timed_keys(object, sizes.keys,
+                    [least](JsonObject& key, SizeKey& out) {
+                        key.read("size", Between<double>{least, kHuge}, out.size);
+                    });
 }
 
 /// Reads the damping of a material. \pre The integrator of the scene is known.
-void read_damping(RodReader& reader, const RodScene& scene, double& damping)
+void read_damping(JsonObject& object, const RodScene& scene, double& damping)
 {
-    reader.read("damping", 0.0, kHuge, damping);
+    object.read("damping", kNotNegative, damping);
     if (damping > 0.0 && scene.is_static())
-        reader.object().fail("damping", "an equilibrium has no rates that it could damp");
+        object.fail("damping", "an equilibrium has no rates that it could damp");
 }
 
-void read_hold(RodReader& reader, RodScene& scene, const std::string& prefix,
-               RodHold& hold)
+void read_hold(JsonObject& object, RodHold& hold)
 {
-    reader.read("at", 0.0, 1.0, hold.at);
-    bool has_any = false;
-    reader.each("what",
-                [&](const Json& value, const std::string& name)
-                {
-                    const std::string what =
-                        value.is_string() ? value.get<std::string>() : "";
-                    bool* const flag = what == "point"       ? &hold.has_point
-                                       : what == "tangent"   ? &hold.has_tangent
-                                       : what == "twist"     ? &hold.has_twist
-                                       : what == "curvature" ? &hold.has_curvature
-                                       : what == "bend"      ? &hold.has_bend
-                                                             : nullptr;
-                    if (!flag)
-                        reader.object().fail(
-                            name, "need one of point, tangent, twist, curvature, bend");
-                    *flag = has_any = true;
-                });
-    if (!has_any)
-        hold.has_point = true;
-    read_window(reader, hold);
-    read_keys(reader, scene, prefix, hold.keys);
-    reader.object().warn_of_the_rest();
+    object.read("at", kShare, hold.at);
+    object.read("what", {{"point", &hold.has_point},
+                         {"tangent", &hold.has_tangent},
+                         {"twist", &hold.has_twist},
+                         {"curvature", &hold.has_curvature},
+                         {"bend", &hold.has_bend}});
+    hold.has_point = hold.has_point || !(hold.has_tangent || hold.has_twist ||
+                                         hold.has_curvature || hold.has_bend);
+    read_window(object, hold);
+    read_keys(object, hold.keys);
 }
 
-void read_slide(RodReader& reader, SlideStatement& slide)
+void read_slide(JsonObject& object, SlideStatement& slide)
 {
-    if (reader.object().find("start"))
-        reader.read("start", 0.0, 1.0, slide.start.emplace(0.0));
-    reader.read("range", slide.range);
+    object.read("start", kShare, slide.start);
+    object.read("range", slide.range);
     if (!(0.0 <= slide.range[0] && slide.range[0] < slide.range[1] &&
           slide.range[1] <= 1.0))
-        reader.object().fail("range", "need two shares that rise within 0 and 1");
+        object.fail("range", "need two shares that rise within 0 and 1");
     if (slide.start &&
         !(slide.range[0] <= *slide.start && *slide.start <= slide.range[1]))
-        reader.object().fail("start", "is not within range");
-    std::string end = "stop";
-    reader.read("end", OneOf{{"stop", "release"}}, end);
+        object.fail("start", "is not within range");
+    std::string end;
+    object.read("end", OneOf{{"stop", "release"}}, end);
     slide.leaves = end == "release";
-    const Json* const friction = reader.object().find("friction");
+    const Json* const friction = object.find("friction");
     if (friction && friction->is_array())
-        reader.read("friction", slide.friction);
-    else if (friction)
-    {
-        reader.read("friction", 0.0, kHuge, slide.friction[0]);
+        object.read("friction", slide.friction);
+    else if (object.read("friction", kNotNegative, slide.friction[0]))
         slide.friction[1] = slide.friction[0];
-    }
     if (!(slide.friction[0] >= slide.friction[1] && slide.friction[1] >= 0.0))
-        reader.object().fail("friction",
-                             "need one at rest, and one in motion that is not larger");
-    reader.read("inertia", -kHuge, kHuge, slide.inertia);
-    if (reader.object().find("apart"))
-        reader.read("apart", 0.0, kHuge, slide.apart.emplace(0.0));
+        object.fail("friction", "need one at rest, and one in motion that is not larger");
+    object.read("inertia", kAny, slide.inertia);
+    object.read("apart", kNotNegative, slide.apart);
 }
 
 /// A share of the rest length, or "sliding": true.
-bool read_share(RodReader& reader, const char* key, double& share)
+bool read_share(JsonObject& object, const char* key, double& share)
 {
-    const Json* const value = reader.object().find(key);
+    const Json* const value = object.find(key);
     if (!value || !value->is_string())
     {
-        reader.read(key, 0.0, 1.0, share);
+        object.read(key, kShare, share);
         return false;
     }
     if (*value != "sliding")
-        reader.object().fail(key, "need a share of the rest length, or \"sliding\"");
+        object.fail(key, "need a share of the rest length, or \"sliding\"");
     return true;
 }
 
-void read_on(RodReader& reader, RodScene& scene, const std::string& prefix, RodOn& on,
-             std::string& rod)
+/// \p rod: the name of the one that it stays on, which may come later in the scene.
+void read_on(JsonObject& object, RodOn& on, std::string& rod)
 {
-    if (read_share(reader, "at", on.at))
-        read_slide(reader, on.slide.emplace());
+    if (read_share(object, "at", on.at))
+        read_slide(object, on.slide.emplace());
     std::array<double, 4> plane;
     std::array<double, 6> axis;
-    int count = 0;
-    if (reader.object().find("point"))
-    {
-        reader.read("point", on.point);
-        ++count;
-    }
-    if (reader.read("plane", plane))
+    int count = object.read("point", on.point);
+    if (object.read("plane", plane))
     {
         on.kind = RodOn::Kind::Plane;
         on.direction = {plane[0], plane[1], plane[2]};
         on.offset = plane[3];
         ++count;
     }
-    if (reader.read("axis", axis))
+    if (object.read("axis", axis))
     {
         on.kind = RodOn::Kind::Axis;
         on.point = {axis[0], axis[1], axis[2]};
         on.direction = {axis[3], axis[4], axis[5]};
         ++count;
     }
-    if (std::optional<std::string> other; reader.object().read("rod", other), other)
+    if (object.read("rod", rod))
     {
         on.kind = RodOn::Kind::Rod;
-        rod = *other;
-        if (read_share(reader, "other", on.other))
-        {
-            on.other_slide.emplace();
-            if (reader.object().find("other_start"))
-                reader.read("other_start", 0.0, 1.0, on.other_slide->start.emplace(0.0));
-        }
+        if (read_share(object, "other", on.other))
+            object.read("other_start", kShare, on.other_slide.emplace().start);
         ++count;
     }
     if (count != 1)
-        reader.object().fail("", "needs one of point, plane, axis and rod");
+        object.fail("", "needs one of point, plane, axis and rod");
     if ((on.kind == RodOn::Kind::Plane || on.kind == RodOn::Kind::Axis) &&
         on.direction == Triple{})
-        reader.object().fail(on.kind == RodOn::Kind::Plane ? "plane" : "axis",
-                             "its direction has no length");
+        object.fail(on.kind == RodOn::Kind::Plane ? "plane" : "axis",
+                    "its direction has no length");
     if (on.kind != RodOn::Kind::Rod)
-        read_keys(reader, scene, prefix, on.keys);
-    reader.object().warn_of_the_rest();
+        read_keys(object, on.keys);
 }
 
-std::string read_name(RodReader& reader, const std::string& otherwise)
+/// The name of the last of \p all.
+template <class Statement>
+void read_name(JsonObject& object, const std::string& kind, std::vector<Statement>& all)
 {
-    std::optional<std::string> name;
-    reader.object().read("name", name);
-    const std::string out = name.value_or(otherwise);
-    if (std::any_of(out.begin(), out.end(),
+    std::string& name = all.back().name = kind + std::to_string(all.size());
+    object.read("name", name);
+    if (std::any_of(name.begin(), name.end(),
                     [](char c) { return static_cast<unsigned char>(c) < 0x20; }))
-        reader.object().fail("name", "has characters that are none of a line");
-    return out;
+        object.fail("name", "has characters that are none of a line");
 }
 
-void read_body(const Json& json, const std::string& prefix, RodScene& scene)
+void read_body(JsonObject& object, RodScene& scene)
 {
     BodyStatement& body = scene.bodies.emplace_back();
-    RodReader reader(json, scene, prefix, scene.warnings);
-    body.name = read_name(reader, "body" + std::to_string(scene.bodies.size()));
-    reader.read("mass", kTiny, kHuge, body.mass);
-    if (reader.object().find("inertia"))
-        reader.read("inertia", body.inertia);
-    else
+    read_name(object, "body", scene.bodies);
+    object.read("mass", kPositive, body.mass);
+    if (!object.read("inertia", body.inertia))
     {
         // A ball as dense as water.
         constexpr double kWater = 1000.0;
@@ -327,52 +195,49 @@ void read_body(const Json& json, const std::string& prefix, RodScene& scene)
     const double half = 0.5 * (body.inertia[0] + body.inertia[1] + body.inertia[2]);
     for (const double one : body.inertia)
         if (!(one > 0.0) || one > half * (1.0 + 1e-12))
-            reader.object().fail("inertia", "no body has it: each must be above 0 and at "
-                                            "most the sum of the other two");
-    reader.read("at", body.at);
-    read_turn(reader, body.rotate);
-    reader.read("velocity", body.velocity);
-    reader.read("spin", body.spin);
-    read_keys(reader, scene, prefix, body.keys);
-    if (reader.object().find("damping"))
-        reader.object().fail("damping", "a rigid body has no strains that it could damp");
-    reader.object().warn_of_the_rest();
+            object.fail("inertia", "no body has it: each must be above 0 and at most the "
+                                   "sum of the other two");
+    object.read("at", body.at);
+    read_turn(object, body.rotate);
+    object.read("velocity", body.velocity);
+    object.read("spin", body.spin);
+    read_keys(object, body.keys);
+    if (object.find("damping"))
+        object.fail("damping", "a rigid body has no strains that it could damp");
 }
 
-std::size_t index_of(RodReader& reader, const std::string& key, const Json& value,
+std::size_t index_of(JsonObject& object, const std::string& key, const Json& value,
                      std::size_t count)
 {
     if (!value.is_number_integer() || value.get<std::int64_t>() < 0 ||
         value.get<std::int64_t>() >= static_cast<std::int64_t>(count))
-        reader.object().fail(key, "need the number of a point, from 0 to " +
-                                      std::to_string(count - 1));
+        object.fail(key,
+                    "need the number of a point, from 0 to " + std::to_string(count - 1));
     return value.get<std::size_t>();
 }
 
-void read_net(const Json& json, const std::string& prefix, RodScene& scene)
+void read_net(JsonObject& object, RodScene& scene)
 {
     NetStatement& net = scene.nets.emplace_back();
-    RodReader reader(json, scene, prefix, scene.warnings);
-    net.name = read_name(reader, "net" + std::to_string(scene.nets.size()));
-    reader.points("points", net.points);
+    read_name(object, "net", scene.nets);
+    object.read("points", net.points);
     if (net.points.empty())
-        reader.object().fail("points", "is missing");
-    reader.each(
+        object.fail("points", "is missing");
+    object.read_list(
         "springs",
         [&](const Json& value, const std::string& name)
         {
             if (!value.is_array() || value.size() != 3 || !value[2].is_number() ||
                 !(value[2].get<double>() > 0.0) || !(value[2].get<double>() < kHuge))
-                reader.object().fail(name,
-                                     "need two points and a stiffness above 0 [N/m]");
+                object.fail(name, "need two points and a stiffness above 0 [N/m]");
             NetStatement::Spring& spring = net.springs.emplace_back();
             for (const std::size_t k : {0u, 1u})
-                spring.node[k] = index_of(reader, name, value[k], net.points.size());
+                spring.node[k] = index_of(object, name, value[k], net.points.size());
             if (spring.node[0] == spring.node[1])
-                reader.object().fail(name, "need two points, not one");
+                object.fail(name, "need two points, not one");
             spring.stiffness = value[2].get<double>();
         });
-    const Json* const mass = reader.object().find("mass");
+    const Json* const mass = object.find("mass");
     if (mass && mass->is_array())
     {
         for (const Json& one : *mass)
@@ -381,112 +246,107 @@ void read_net(const Json& json, const std::string& prefix, RodScene& scene)
     else
     {
         double all = 1.0;
-        reader.read("mass", kTiny, kHuge, all);
+        object.read("mass", kPositive, all);
         net.masses.assign(net.points.size(), all / double(net.points.size()));
     }
     if (net.masses.size() != net.points.size() ||
         !std::all_of(net.masses.begin(), net.masses.end(),
                      [](double one) { return one > kTiny && one < kHuge; }))
-        reader.object().fail("mass", "need that of all points together [kg], or a list "
-                                     "with that of each, above 0");
-    read_damping(reader, scene, net.damping);
-    reader.each("fixed",
-                [&](const Json& value, const std::string& name) {
-                    net.fixed.push_back(index_of(reader, name, value, net.points.size()));
-                });
-    reader.object().warn_of_the_rest();
+        object.fail("mass", "need that of all points together [kg], or a list "
+                            "with that of each, above 0");
+    read_damping(object, scene, net.damping);
+    object.read_list(
+        "fixed", [&](const Json& value, const std::string& name)
+        { net.fixed.push_back(index_of(object, name, value, net.points.size())); });
 }
 
-void read_sheet(const Json& json, const std::string& prefix, RodScene& scene)
+void read_sheet(JsonObject& object, RodScene& scene)
 {
     SheetStatement& sheet = scene.sheets.emplace_back();
-    RodReader reader(json, scene, prefix, scene.warnings);
-    sheet.name = read_name(reader, "sheet" + std::to_string(scene.sheets.size()));
-    reader.read("corner", sheet.corner);
-    reader.points("sides", sheet.sides);
+    read_name(object, "sheet", scene.sheets);
+    object.read("corner", sheet.corner);
+    object.read("sides", sheet.sides);
     const std::size_t count = sheet.sides.size();
     if (count != 2 && count != 3)
-        reader.object().fail("sides", "need two of a sheet, or three of a block");
-    reader.read("degree", std::int64_t(1), std::int64_t(7), sheet.degree);
+        object.fail("sides", "need two of a sheet, or three of a block");
+    object.read("degree", Between<std::int64_t>{1, 7}, sheet.degree);
     constexpr std::int64_t kMost = 200;
-    reader.each("counts",
-                [&](const Json& value, const std::string& name)
-                {
-                    if (!value.is_number_integer() ||
-                        value.get<std::int64_t>() < sheet.degree + 1 ||
-                        value.get<std::int64_t>() > kMost)
-                        reader.object().fail(name, "need degree + 1 to " +
-                                                       std::to_string(kMost) +
-                                                       " control points");
-                    sheet.counts.push_back(value.get<int>());
-                });
+    object.read_list("counts",
+                     [&](const Json& value, const std::string& name)
+                     {
+                         if (!value.is_number_integer() ||
+                             value.get<std::int64_t>() < sheet.degree + 1 ||
+                             value.get<std::int64_t>() > kMost)
+                             object.fail(name, "need degree + 1 to " +
+                                                   std::to_string(kMost) +
+                                                   " control points");
+                         sheet.counts.push_back(value.get<int>());
+                     });
     if (sheet.counts.empty())
         sheet.counts.assign(count, static_cast<int>(sheet.degree) + 3);
     if (sheet.counts.size() != count)
-        reader.object().fail("counts", "need one for each side");
-    reader.read("E", kTiny, kHuge, sheet.young);
-    reader.read("thickness", kTiny, kHuge, sheet.thickness);
-    reader.read("density", kTiny, kHuge, sheet.density);
-    reader.read("viscosity", 0.0, kHuge, sheet.viscosity);
-    read_damping(reader, scene, sheet.damping);
-    reader.read("velocity", sheet.velocity);
-    reader.each("fixed",
-                [&](const Json& value, const std::string& name)
-                {
-                    Triple place{};
-                    bool is_good = value.is_array() && value.size() == count;
-                    for (std::size_t k = 0; is_good && k < count; ++k)
-                    {
-                        is_good = value[k].is_number() && value[k].get<double>() >= 0.0 &&
-                                  value[k].get<double>() <= 1.0;
-                        place[k] = is_good ? value[k].get<double>() : 0.0;
-                    }
-                    if (!is_good)
-                        reader.object().fail(name, "need a share of each side");
-                    sheet.fixed.push_back(place);
-                });
-    reader.points("over", sheet.over);
+        object.fail("counts", "need one for each side");
+    object.read("E", kPositive, sheet.young);
+    object.read("thickness", kPositive, sheet.thickness);
+    object.read("density", kPositive, sheet.density);
+    object.read("viscosity", kNotNegative, sheet.viscosity);
+    read_damping(object, scene, sheet.damping);
+    object.read("velocity", sheet.velocity);
+    object.read_list("fixed",
+                     [&](const Json& value, const std::string& name)
+                     {
+                         Triple place{};
+                         bool is_good = value.is_array() && value.size() == count;
+                         for (std::size_t k = 0; is_good && k < count; ++k)
+                         {
+                             is_good = value[k].is_number() &&
+                                       value[k].get<double>() >= 0.0 &&
+                                       value[k].get<double>() <= 1.0;
+                             place[k] = is_good ? value[k].get<double>() : 0.0;
+                         }
+                         if (!is_good)
+                             object.fail(name, "need a share of each side");
+                         sheet.fixed.push_back(place);
+                     });
+    object.read("over", sheet.over);
     if (!sheet.over.empty() && count == 3)
-        reader.object().fail("over", "a point within a block holds nothing");
-    reader.object().warn_of_the_rest();
+        object.fail("over", "a point within a block holds nothing");
 }
 
-/// Number of what is called so; throws by \p reader.
+/// Number of what is called so; throws by \p object.
 template <class Statement>
-std::size_t number_of(RodReader& reader, const std::string& key,
+std::size_t number_of(JsonObject& object, const std::string& key,
                       const std::vector<Statement>& all, const std::string& name,
                       const std::string& kind)
 {
     for (std::size_t k = 0; k < all.size(); ++k)
         if (all[k].name == name)
             return k;
-    reader.object().fail(key, "there is no " + kind + " called " + in_quotes(name));
+    object.fail(key, "there is no " + kind + " called " + in_quotes(name));
 }
 
 /// "rod spine 0.5", "rod spine sliding", "body seat 0 0 0.1", "net cloth 7", "flesh 0 1
 /// 0"
-JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
+JointEnd read_end(JsonObject& object, const char* key, const RodScene& scene,
+                  bool has_flesh)
 {
-    std::optional<std::string> text;
-    reader.object().read(key, text);
-    if (!text)
-        reader.object().fail(key, "is missing");
+    std::string text;
+    object.need(key, text);
     std::vector<std::string> words;
-    for (std::size_t at = 0; at < text->size();)
+    for (std::size_t at = 0; at < text.size();)
     {
-        const std::size_t end = std::min(text->find(' ', at), text->size());
+        const std::size_t end = std::min(text.find(' ', at), text.size());
         if (end > at)
-            words.push_back(text->substr(at, end - at));
+            words.push_back(text.substr(at, end - at));
         at = end + 1;
     }
     const auto bad = [&](const std::string& why)
     {
-        reader.object().fail(
-            key, why +
-                     ": need \"rod NAME SHARE\", \"rod NAME "
-                     "sliding\", \"body NAME X Y Z\", \"net NAME "
-                     "POINT\", \"sheet NAME SHARES\" or \"flesh X Y Z\", got " +
-                     in_quotes(*text));
+        object.fail(key, why +
+                             ": need \"rod NAME SHARE\", \"rod NAME "
+                             "sliding\", \"body NAME X Y Z\", \"net NAME "
+                             "POINT\", \"sheet NAME SHARES\" or \"flesh X Y Z\", got " +
+                             in_quotes(text));
     };
     const std::string kind = words.empty() ? "" : words.front();
     // How many numbers follow the name of a sheet is told by its sides.
@@ -504,8 +364,8 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
     if (has_name ? words.size() < numbers + 2
                  : kind != "flesh" || words.size() != numbers + 1)
         bad("names no place");
-    if (kind == "flesh" && !scene.has_flesh)
-        reader.object().fail(key, "the scene has no skeleton, and so no flesh");
+    if (kind == "flesh" && !has_flesh)
+        object.fail(key, "the scene has no skeleton, and so no flesh");
     std::string name;
     for (std::size_t k = 1; k + numbers < words.size(); ++k)
         name += (k > 1 ? " " : "") + words[k];
@@ -526,7 +386,7 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
     }
     else if (kind == "rod")
     {
-        end.index = number_of(reader, key, scene.rods, name, kind);
+        end.index = number_of(object, key, scene.rods, name, kind);
         end.slides = words.back() == "sliding";
         end.at = end.slides ? 0.0 : number(0);
         if (!(end.at >= 0.0 && end.at <= 1.0))
@@ -535,14 +395,14 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
     else if (kind == "body")
     {
         end.kind = JointEnd::Kind::Body;
-        end.index = number_of(reader, key, scene.bodies, name, kind);
+        end.index = number_of(object, key, scene.bodies, name, kind);
         for (const std::size_t k : {0u, 1u, 2u})
             end.point[k] = number(k);
     }
     else if (kind == "sheet")
     {
         end.kind = JointEnd::Kind::Sheet;
-        end.index = number_of(reader, key, scene.sheets, name, kind);
+        end.index = number_of(object, key, scene.sheets, name, kind);
         for (std::size_t k = 0; k < numbers; ++k)
         {
             end.point[k] = number(k);
@@ -553,7 +413,7 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
     else
     {
         end.kind = JointEnd::Kind::Net;
-        end.index = number_of(reader, key, scene.nets, name, kind);
+        end.index = number_of(object, key, scene.nets, name, kind);
         const double point = number(0);
         if (!(point >= 0.0 && point < double(scene.nets[end.index].points.size())) ||
             point != std::floor(point))
@@ -563,350 +423,259 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
     return end;
 }
 
-void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
+void read_joint(JsonObject& object, RodScene& scene, bool has_flesh)
 {
     JointStatement& joint = scene.joints.emplace_back();
-    RodReader reader(json, scene, prefix, scene.warnings);
-    joint.ends = {read_end(reader, "a", scene), read_end(reader, "b", scene)};
+    joint.field = object.name();
+    joint.ends = {read_end(object, "a", scene, has_flesh),
+                  read_end(object, "b", scene, has_flesh)};
     const auto is_of = [&](JointEnd::Kind kind)
     { return joint.ends[0].kind == kind || joint.ends[1].kind == kind; };
     const bool slides = joint.ends[0].slides || joint.ends[1].slides;
-    reader.each("what",
-                [&](const Json& value, const std::string& name)
-                {
-                    const std::string what =
-                        value.is_string() ? value.get<std::string>() : "";
-                    bool* const flag = what == "point"      ? &joint.has_point
-                                       : what == "frame"    ? &joint.has_frame
-                                       : what == "distance" ? &joint.has_distance
-                                                            : nullptr;
-                    if (!flag)
-                        reader.object().fail(name, "need one of point, frame, distance");
-                    *flag = true;
-                });
+    object.read("what", {{"point", &joint.has_point},
+                         {"frame", &joint.has_frame},
+                         {"distance", &joint.has_distance}});
     if (!joint.has_point && !joint.has_frame && !joint.has_distance)
         joint.has_point = true;
     if (joint.has_frame && is_of(JointEnd::Kind::Net))
-        reader.object().fail("what", "a point of a net has no frame");
+        object.fail("what", "a point of a net has no frame");
     if (joint.has_frame && is_of(JointEnd::Kind::Sheet))
-        reader.object().fail("what", "a place of a sheet has no frame");
+        object.fail("what", "a place of a sheet has no frame");
     if (joint.has_frame && is_of(JointEnd::Kind::Flesh))
-        reader.object().fail("what", "a point of flesh has no frame");
+        object.fail("what", "a point of flesh has no frame");
     if (slides && (joint.has_frame || joint.has_distance))
-        reader.object().fail("what", "what slides is joined by point alone");
+        object.fail("what", "what slides is joined by point alone");
     if (slides)
-        read_slide(reader, joint.slide);
-    if (joint.ends[0].slides && joint.ends[1].slides &&
-        reader.object().find("other_start"))
-        reader.read("other_start", 0.0, 1.0, joint.other_start.emplace(0.0));
-    reader.object().warn_of_the_rest();
+        read_slide(object, joint.slide);
+    if (joint.ends[0].slides && joint.ends[1].slides)
+        object.read("other_start", kShare, joint.other_start);
 }
 
-void read_cut(RodReader& reader, CutStatement& cut)
+void read_cut(JsonObject& object, CutStatement& cut)
 {
     constexpr double kEnd = 1e-6; // of the length
-    int count = 0;
-    const auto limit =
-        [&](const char* key, double low, double high, std::optional<double>& out)
-    {
-        if (!reader.object().find(key))
-            return;
-        reader.read(key, low, high, out.emplace(0.0));
-        ++count;
-    };
-    limit("at", kEnd, 1.0 - kEnd, cut.at);
-    limit("curvature", kTiny, kHuge, cut.curvature);
-    limit("force", kTiny, kHuge, cut.force);
+    const int count = object.read("at", Between<double>{kEnd, 1.0 - kEnd}, cut.at) +
+                      object.read("curvature", kPositive, cut.curvature) +
+                      object.read("force", kPositive, cut.force);
     if (count != 1)
-        reader.object().fail("", "needs one of at, curvature and force");
+        object.fail("", "needs one of at, curvature and force");
     if (cut.at)
-        reader.read("time", 0.0, kHuge, cut.time);
-    reader.object().warn_of_the_rest();
+        object.read("time", kNotNegative, cut.time);
 }
 
-/// true, false, or an object.
-void read_refine(RodReader& reader, RodScene& scene, const std::string& prefix,
-                 std::optional<RefineStatement>& refine)
+/// true, false, or an object; whether it is none of the first two.
+bool is_object_or_switch(JsonObject& object, const std::string& key, const char* keys,
+                         bool& is_on)
 {
-    const Json* const value = reader.object().find("refine");
-    if (!value || (value->is_boolean() && !value->get<bool>()))
-        return;
-    refine.emplace();
-    if (value->is_boolean())
-        return;
-    if (!value->is_object())
-        reader.object().fail("refine", "need true, false, or an object with insert, "
-                                       "remove, tolerance, shortest");
-    RodReader of(*value, scene, prefix + "refine.", scene.warnings);
-    of.read("insert", 0.01, 3.0, refine->insert);
-    of.read("remove", 0.0, 3.0, refine->remove);
-    if (!(refine->remove < refine->insert))
-        of.object().fail("remove", "need a smaller turn than insert");
-    of.read("tolerance", 0.0, 1.0, refine->tolerance);
-    of.read("shortest", 0.0, kHuge, refine->shortest);
-    of.object().warn_of_the_rest();
+    const Json* const value = object.find(key);
+    if (value && !value->is_boolean() && !value->is_object())
+        object.fail(key, std::string("need true, false, or an object with ") + keys);
+    if (value)
+        is_on = value->is_object() || value->get<bool>();
+    return value && value->is_object();
 }
 
-void read_obstacle(const Json& json, const std::string& prefix, RodScene& scene)
+void read_refine(JsonObject& rod, std::optional<RefineStatement>& refine)
 {
-    ObstacleStatement& obstacle = scene.obstacles.emplace_back();
-    RodReader reader(json, scene, prefix, scene.warnings);
-    int count = 0;
-    if (std::array<double, 4> plane; reader.read("plane", plane))
-    {
-        obstacle.plane = plane;
-        if (plane[0] == 0.0 && plane[1] == 0.0 && plane[2] == 0.0)
-            reader.object().fail("plane", "its direction has no length");
-        ++count;
-    }
-    if (std::array<double, 4> sphere; reader.read("sphere", sphere))
-    {
-        obstacle.sphere = sphere;
-        if (!(sphere[3] > 0.0))
-            reader.object().fail("sphere", "need a radius above 0 [m]");
-        ++count;
-    }
-    if (std::optional<std::string> mesh; reader.object().read("mesh", mesh), mesh)
-    {
-        obstacle.mesh = resolved_name(scene.path, *mesh);
-        ++count;
-    }
+    bool is_on = false;
+    const bool is_object =
+        is_object_or_switch(rod, "refine", "insert, remove, tolerance, shortest", is_on);
+    if (is_on)
+        refine.emplace();
+    if (is_object)
+        rod.read_object(
+            "refine",
+            [&](JsonObject& object)
+            {
+                object.read("insert", Between<double>{0.01, 3.0}, refine->insert);
+                object.read("remove", Between<double>{0.0, 3.0}, refine->remove);
+                if (!(refine->remove < refine->insert))
+                    object.fail("remove", "need a smaller turn than insert");
+                object.read("tolerance", kShare, refine->tolerance);
+                object.read("shortest", kNotNegative, refine->shortest);
+            });
+}
+
+void read_obstacle(JsonObject& object, ObstacleStatement& obstacle)
+{
+    const int count = object.read("plane", obstacle.plane) +
+                      object.read("sphere", obstacle.sphere) +
+                      object.read_file_name("mesh", obstacle.mesh);
     if (count != 1)
-        reader.object().fail("", "needs one of plane, sphere and mesh");
-    reader.object().warn_of_the_rest();
+        object.fail("", "needs one of plane, sphere and mesh");
+    if (obstacle.plane && (*obstacle.plane)[0] == 0.0 && (*obstacle.plane)[1] == 0.0 &&
+        (*obstacle.plane)[2] == 0.0)
+        object.fail("plane", "its direction has no length");
+    if (obstacle.sphere && !((*obstacle.sphere)[3] > 0.0))
+        object.fail("sphere", "need a radius above 0 [m]");
 }
 
-/// true, false, or an object; obstacles are there to be touched.
-void read_contact(RodReader& root, RodScene& scene)
+/// \pre The obstacles are known: they are there to be touched.
+void read_contact(JsonObject& root, RodScene& scene)
 {
-    const Json* const value = root.object().find("contact");
-    if (value ? !(value->is_boolean() && !value->get<bool>()) : !scene.obstacles.empty())
+    const std::string key = root.renamed("rod_contact", "contact");
+    bool is_on = !scene.obstacles.empty();
+    const bool is_object =
+        is_object_or_switch(root, key, "friction, damping, stiffness, rods, self", is_on);
+    if (is_on)
         scene.contact.emplace();
-    if (!value || value->is_boolean())
-        return;
-    if (!value->is_object())
-        root.object().fail("contact", "need true, false, or an object with friction, "
-                                      "damping, stiffness, rods, self");
-    RodReader reader(*value, scene, "contact.", scene.warnings);
-    reader.read("friction", 0.0, kHuge, scene.contact->friction);
-    reader.read("damping", 0.0, 100.0, scene.contact->damping);
-    if (reader.object().find("stiffness"))
-        reader.read("stiffness", kTiny, kHuge, scene.contact->stiffness.emplace(0.0));
-    reader.read("rods", scene.contact->between_rods);
-    reader.read("self", scene.contact->with_itself);
-    reader.object().warn_of_the_rest();
+    if (is_object)
+        root.read_object(
+            key,
+            [&](JsonObject& object)
+            {
+                object.read("friction", kNotNegative, scene.contact->friction);
+                object.read("damping", Between<double>{0.0, 100.0},
+                            scene.contact->damping);
+                object.read("stiffness", kPositive, scene.contact->stiffness);
+                object.read("rods", scene.contact->between_rods);
+                object.read("self", scene.contact->with_itself);
+            });
 }
 
-/// A rod's place on another, which may stand behind it in the scene.
+void read_radius(JsonObject& object, std::vector<double>& out)
+{
+    const Json* const radius = object.find("radius");
+    if (!radius)
+        return;
+    out.clear();
+    for (const Json& value : radius->is_array() ? *radius : Json::array({*radius}))
+    {
+        if (!value.is_number() || !(value.get<double>() > kTiny) ||
+            !(value.get<double>() < kHuge))
+            object.fail("radius", "need lengths above 0 [m]");
+        out.push_back(value.get<double>());
+    }
+    if (out.empty())
+        object.fail("radius", "need a length, or several");
+}
+
+void read_spring(JsonObject& object, RodSpringTo& spring)
+{
+    object.read("at", kShare, spring.at);
+    object.need("point", spring.point);
+    object.read("stiffness", kNotNegative, spring.stiffness);
+    object.read("length", kNotNegative, spring.length);
+    object.read("damping", kNotNegative, spring.damping);
+    if (!(spring.stiffness > 0.0) && !(spring.damping > 0.0))
+        object.fail("stiffness", "is missing, or damping");
+    read_sizes(object, 0.0, spring);
+}
+
+/// The name of a rod that a place of another stays on.
 struct OtherRod
 {
     std::size_t rod, on;
     std::string key, name;
 };
 
-void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
-              std::vector<OtherRod>& others)
+void read_rod(JsonObject& object, RodScene& scene, std::vector<OtherRod>& others)
 {
     RodStatement& rod = scene.rods.emplace_back();
-    RodReader reader(json, scene, prefix, scene.warnings);
-    rod.name = read_name(reader, "rod" + std::to_string(scene.rods.size()));
-    reader.points("through", rod.through);
-    reader.points("points", rod.points);
+    read_name(object, "rod", scene.rods);
+    object.read("through", rod.through);
+    object.read("points", rod.points);
     if (rod.through.empty() == rod.points.empty())
-        reader.object().fail("", "needs through or points, one of them");
-    reader.read("spans", std::int64_t(1), kMostSpans, rod.spans);
-    reader.read("degree", std::int64_t(2), std::int64_t(7), rod.degree);
-    reader.read("spline", OneOf{{"nonuniform", "uniform", "catmull-rom", "bezier"}},
+        object.fail("", "needs through or points, one of them");
+    object.read("spans", Between<std::int64_t>{1, kMostSpans}, rod.spans);
+    object.read("degree", Between<std::int64_t>{2, 7}, rod.degree);
+    object.read("spline", OneOf{{"nonuniform", "uniform", "catmull-rom", "bezier"}},
                 rod.spline);
-    reader.read("closed", rod.is_closed);
+    object.read("closed", rod.is_closed);
     const auto ignore = [&](const char* key, bool is_idle, const char* why)
     {
-        if (is_idle && reader.object().find(key))
-            scene.warnings.push_back(
-                at({scene.path, 0, prefix + key}, std::string(why) + ", ignored"));
+        if (is_idle && object.find(key))
+            object.warn(key, std::string(why) + ", ignored");
     };
     ignore("spline", !rod.through.empty() && rod.spline != "nonuniform",
            "is for points, not for through");
     ignore("spans", !rod.points.empty(), "is for through, not for points");
     ignore("degree", rod.spline == "bezier" || rod.spline == "catmull-rom",
            "follows from the spline");
-    if (const Json* radius = reader.object().find("radius"))
-    {
-        rod.radius.clear();
-        const auto add = [&](const Json& value)
-        {
-            if (!value.is_number() || !(value.get<double>() > kTiny) ||
-                !(value.get<double>() < kHuge))
-                reader.object().fail("radius", "need lengths above 0 [m]");
-            rod.radius.push_back(value.get<double>());
-        };
-        if (radius->is_array())
-            for (const Json& value : *radius)
-                add(value);
-        else
-            add(*radius);
-        if (rod.radius.empty())
-            reader.object().fail("radius", "need a length, or several");
-    }
-    reader.read("E", kTiny, kHuge, rod.young);
-    reader.read("nu", -0.999, 0.5, rod.poisson);
-    reader.read("density", kTiny, kHuge, rod.density);
-    read_damping(reader, scene, rod.damping);
-    if (std::array<double, 2> both; reader.read("EI", both))
-        rod.bending = both;
-    if (reader.object().find("GJ"))
-        reader.read("GJ", kTiny, kHuge, rod.twisting.emplace(0.0));
+    read_radius(object, rod.radius);
+    object.read("E", kPositive, rod.young);
+    object.read("nu", Between<double>{-0.999, 0.5}, rod.poisson);
+    object.read("density", kPositive, rod.density);
+    read_damping(object, scene, rod.damping);
+    object.read("EI", rod.bending);
+    object.read("GJ", kPositive, rod.twisting);
     if (rod.bending && !((*rod.bending)[0] > 0 && (*rod.bending)[1] > 0))
-        reader.object().fail("EI", "need two stiffnesses above 0 [N m^2]");
-    if (reader.object().find("normal"))
-        reader.read("normal", rod.normal.emplace());
+        object.fail("EI", "need two stiffnesses above 0 [N m^2]");
+    object.read("normal", rod.normal);
     if (rod.bending && (*rod.bending)[0] != (*rod.bending)[1] && !rod.normal)
-        reader.object().fail("normal", "is missing: two different EI need the direction "
-                                       "that the first one bends about");
-    reader.read("energy", OneOf{{"exact", "continuous", "discrete"}}, rod.energy);
-    std::string rest = "given";
-    reader.read("rest", OneOf{{"given", "straight"}}, rest);
+        object.fail("normal", "is missing: two different EI need the direction that the "
+                              "first one bends about");
+    object.read(object.renamed("elasticity", "energy"),
+                OneOf{{"exact", "continuous", "discrete"}}, rod.elasticity);
+    std::string rest;
+    object.read("rest", OneOf{{"given", "straight"}}, rest);
     rod.is_straight_at_rest = rest == "straight";
-    reader.read("rest_twist", -kHuge, kHuge, rod.rest_twist);
-    reader.read("link", -1e6, 1e6, rod.link);
+    object.read("rest_twist", kAny, rod.rest_twist);
+    object.read("link", Between<double>{-1e6, 1e6}, rod.link);
     if (rod.link != 0.0 && !rod.is_closed)
-        reader.object().fail("link", "only a closed rod has turns put in");
-    reader.read("velocity", rod.velocity);
-    reader.each("fixed",
-                [&](const Json& value, const std::string& key)
-                {
-                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
-                    read_hold(of, scene, prefix + key + ".", rod.holds.emplace_back());
-                });
-    reader.each("on",
-                [&](const Json& value, const std::string& key)
-                {
-                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
-                    std::string other;
-                    read_on(of, scene, prefix + key + ".", rod.on.emplace_back(), other);
-                    others.push_back({scene.rods.size() - 1, rod.on.size() - 1,
-                                      prefix + key + ".rod", other});
-                });
-    reader.each("loads",
-                [&](const Json& value, const std::string& key)
-                {
-                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
-                    RodPull& load = rod.loads.emplace_back();
-                    of.read("at", 0.0, 1.0, load.at);
-                    of.read("force", load.force);
-                    of.read("moment", load.moment);
-                    read_sizes(of, scene, prefix + key + ".", -kHuge, load);
-                    of.object().warn_of_the_rest();
-                });
-    reader.each("springs",
-                [&](const Json& value, const std::string& key)
-                {
-                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
-                    RodSpringTo& spring = rod.springs.emplace_back();
-                    of.read("at", 0.0, 1.0, spring.at);
-                    if (!of.object().find("point"))
-                        of.object().fail("point", "is missing");
-                    of.read("point", spring.point);
-                    of.read("stiffness", 0.0, kHuge, spring.stiffness);
-                    if (of.object().find("length"))
-                        of.read("length", 0.0, kHuge, spring.length.emplace(0.0));
-                    of.read("damping", 0.0, kHuge, spring.damping);
-                    if (!(spring.stiffness > 0.0) && !(spring.damping > 0.0))
-                        of.object().fail("stiffness", "is missing, or damping");
-                    read_sizes(of, scene, prefix + key + ".", 0.0, spring);
-                    of.object().warn_of_the_rest();
-                });
-    reader.each("cut",
-                [&](const Json& value, const std::string& key)
-                {
-                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
-                    read_cut(of, rod.cuts.emplace_back());
-                });
-    read_refine(reader, scene, prefix, rod.refine);
-    if (reader.object().find("radius_of_contact"))
-        reader.read("radius_of_contact", kTiny, kHuge, rod.contact_radius.emplace(0.0));
-    reader.read("skin", rod.has_skin);
-    reader.read("carries", rod.carries);
+        object.fail("link", "only a closed rod has turns put in");
+    object.read("velocity", rod.velocity);
+    object.read_objects("fixed", [&](JsonObject& hold)
+                        { read_hold(hold, rod.holds.emplace_back()); });
+    object.read_objects("on",
+                        [&](JsonObject& on)
+                        {
+                            std::string other;
+                            read_on(on, rod.on.emplace_back(), other);
+                            others.push_back({scene.rods.size() - 1, rod.on.size() - 1,
+                                              on.name_of("rod"), other});
+                        });
+    object.read_objects("loads",
+                        [&](JsonObject& of)
+                        {
+                            RodPull& load = rod.loads.emplace_back();
+                            of.read("at", kShare, load.at);
+                            of.read("force", load.force);
+                            of.read("moment", load.moment);
+                            read_sizes(of, -kHuge, load);
+                        });
+    object.read_objects("springs", [&](JsonObject& spring)
+                        { read_spring(spring, rod.springs.emplace_back()); });
+    object.read_objects("cut",
+                        [&](JsonObject& cut) { read_cut(cut, rod.cuts.emplace_back()); });
+    if (!rod.cuts.empty() && scene.is_static())
+        object.fail("cut", "an equilibrium has no time in which to cut");
+    read_refine(object, rod.refine);
+    object.read("radius_of_contact", kPositive, rod.contact_radius);
+    object.read("skin", rod.has_skin);
+    object.read("carries", rod.carries);
     if (rod.carries && (rod.refine || !rod.cuts.empty()))
-        reader.object().fail("carries", "cells are carried by rods that are neither "
-                                        "refined nor cut");
-    reader.object().warn_of_the_rest();
+        object.fail("carries", "cells are carried by rods that are neither refined nor "
+                               "cut");
 }
 
-RodScene rod_scene_of(const std::string& path, const std::string& text)
+/// Finds the rods that places of others stay on.
+void find_others(JsonObject& root, RodScene& scene, const std::vector<OtherRod>& others)
 {
-    RodScene scene;
-    scene.path = path;
-    const Json json = parse_json(path, text, &scene.warnings);
-    RodReader root(json, scene, "", scene.warnings);
-    std::int64_t version = 0;
-    if (!json.contains("cellwarp"))
-        root.object().fail("cellwarp", "is missing (need \"cellwarp\": 1)");
-    root.read("cellwarp", std::int64_t(1), std::int64_t(1), version);
-    for (const char* other : {"model", "handles", "save", "energy", "cells", "field"})
-        root.object().find(other);
-    scene.has_flesh = json.contains("skeleton");
-    if (scene.has_flesh)
-        scene.dt = kStepOfFlesh;
-    read_time_settings(root.object(), scene.path, scene, scene.warnings);
-    std::vector<OtherRod> others;
-    root.each("rods", [&](const Json& value, const std::string& key)
-              { read_rod(value, key + ".", scene, others); });
-    root.each("bodies", [&](const Json& value, const std::string& key)
-              { read_body(value, key + ".", scene); });
-    root.each("nets", [&](const Json& value, const std::string& key)
-              { read_net(value, key + ".", scene); });
-    root.each("sheets", [&](const Json& value, const std::string& key)
-              { read_sheet(value, key + ".", scene); });
-    if (scene.rods.empty() && scene.sheets.empty() && scene.bodies.empty() &&
-        scene.nets.empty() && !scene.has_flesh)
-        root.object().fail("rods", "is missing: there is nothing to simulate");
-    const auto need_names = [&](const char* key, const auto& all)
-    {
-        std::set<std::string> names;
-        for (const auto& one : all)
-            if (!names.insert(one.name).second)
-                root.object().fail(key, "two are called " + in_quotes(one.name));
-    };
-    need_names("rods", scene.rods);
-    need_names("bodies", scene.bodies);
-    need_names("nets", scene.nets);
-    need_names("sheets", scene.sheets);
     for (const OtherRod& other : others)
         if (RodOn& on = scene.rods[other.rod].on[other.on]; on.kind == RodOn::Kind::Rod)
         {
             on.rod = number_of(root, other.key, scene.rods, other.name, "rod");
             if (on.rod == other.rod && !on.slide && !on.other_slide && on.at == on.other)
-                root.object().fail(other.key, "a place on itself");
+                root.fail(other.key, "a place on itself");
         }
-    root.each("joints", [&](const Json& value, const std::string& key)
-              { read_joint(value, key + ".", scene); });
-    if (json.contains("model") && !scene.carries() && !scene.has_flesh)
-        scene.warnings.push_back(
-            at({path, 0, "model"}, "no rod carries it, it is left out"));
-    if (scene.carries() && !json.contains("model"))
-        root.object().fail("model", "is missing: rods carry its cells");
-    for (std::size_t k = 0; k < scene.rods.size(); ++k)
-        if (scene.has_flesh && scene.rods[k].carries)
-            root.object().fail("rods[" + std::to_string(k) + "].carries",
-                               "the model is flesh, which rods are joined to");
-    root.object().find("skeleton");
-    root.each("obstacles", [&](const Json& value, const std::string& key)
-              { read_obstacle(value, key + ".", scene); });
-    read_contact(root, scene);
-    if (scene.integrator == "bdf2")
-        root.object().fail("simulate.integrator",
-                           "bdf2 is for flesh without rods, bodies and nets");
-    if (scene.integrator == "static")
-        for (std::size_t k = 0; k < scene.rods.size(); ++k)
-            if (!scene.rods[k].cuts.empty())
-                root.object().fail("rods[" + std::to_string(k) + "].cut",
-                                   "an equilibrium has no time in which to cut");
-    root.object().warn_of_the_rest();
-    return scene;
+}
+
+template <class Statement>
+void need_names(JsonObject& root, const char* key, const std::vector<Statement>& all)
+{
+    std::set<std::string> names;
+    for (const Statement& one : all)
+        if (!names.insert(one.name).second)
+            root.fail(key, "two are called " + in_quotes(one.name));
 }
 
 } // namespace
+
+bool RodScene::has_objects() const
+{
+    return !(rods.empty() && bodies.empty() && nets.empty() && sheets.empty());
+}
 
 bool RodScene::carries() const
 {
@@ -914,14 +683,30 @@ bool RodScene::carries() const
                        [](const RodStatement& rod) { return rod.carries; });
 }
 
-RodScene read_rod_scene(const std::string& path)
+void read_objects_in_time(JsonObject& root, bool has_flesh, RodScene& scene)
 {
-    return parse_rod_scene(path, read_file(path));
-}
-
-RodScene parse_rod_scene(const std::string& path, const std::string& text)
-{
-    return with_lines(path, text, [&] { return rod_scene_of(path, text); });
+    std::vector<OtherRod> others;
+    root.read_objects("rods", [&](JsonObject& rod) { read_rod(rod, scene, others); });
+    root.read_objects("bodies", [&](JsonObject& body) { read_body(body, scene); });
+    root.read_objects("nets", [&](JsonObject& net) { read_net(net, scene); });
+    root.read_objects("sheets", [&](JsonObject& sheet) { read_sheet(sheet, scene); });
+    need_names(root, "rods", scene.rods);
+    need_names(root, "bodies", scene.bodies);
+    need_names(root, "nets", scene.nets);
+    need_names(root, "sheets", scene.sheets);
+    find_others(root, scene, others);
+    root.read_objects(root.renamed("connections", "joints"),
+                      [&](JsonObject& joint) { read_joint(joint, scene, has_flesh); });
+    root.read_objects("obstacles", [&](JsonObject& obstacle)
+                      { read_obstacle(obstacle, scene.obstacles.emplace_back()); });
+    read_contact(root, scene);
+    for (std::size_t k = 0; k < scene.rods.size(); ++k)
+        if (has_flesh && scene.rods[k].carries)
+            root.fail("rods[" + std::to_string(k) + "].carries",
+                      "the model is flesh, which rods are joined to");
+    if (scene.has_objects() && scene.integrator == "bdf2")
+        root.fail("simulate.integrator",
+                  "bdf2 is for flesh without rods, bodies and nets");
 }
 
 } // namespace cellwarp::core

@@ -133,7 +133,7 @@ struct RodStatement
     std::optional<std::array<double, 2>> bending; ///< [N m^2]
     std::optional<Triple> normal; ///< direction 1 of the section at the begin of the rod
     std::optional<double> twisting; ///< [N m^2]
-    std::string energy = "exact";
+    std::string elasticity = "exact";
     bool is_straight_at_rest = false;
     double rest_twist = 0.0, link = 0.0; ///< [rad/m], turns
     Triple velocity{};                   ///< [m/s]
@@ -216,6 +216,7 @@ struct JointStatement
     bool has_point = false, has_frame = false, has_distance = false;
     SlideStatement slide;              ///< of ends that slide
     std::optional<double> other_start; ///< of the second, where both do
+    std::string field;                 ///< of the scene, for messages
 };
 
 /// How rods touch.
@@ -235,9 +236,10 @@ struct ObstacleStatement
     std::string mesh;                            ///< file
 };
 
+/// All that a scene says of time: its settings, and the objects that move.
 struct RodScene : TimeSettings
 {
-    std::string path;
+    std::string path; ///< of the scene, for messages
     std::vector<RodStatement> rods;
     std::vector<BodyStatement> bodies;
     std::vector<NetStatement> nets;
@@ -245,16 +247,14 @@ struct RodScene : TimeSettings
     std::vector<JointStatement> joints;
     std::vector<ObstacleStatement> obstacles;
     std::optional<ContactStatement> contact; ///< nothing: rods pass through everything
-    bool has_flesh = false;                  ///< the model is flesh: see skeleton_scene.h
-    std::vector<std::string> warnings;
 
-    /// Whether a rod carries the model's cells.
-    bool carries() const;
+    bool has_objects() const; ///< rods, bodies, nets or sheets
+    bool carries() const;     ///< whether a rod carries the model's cells
 };
 
-/// Of a scene file with "rods" and "simulate". Throws Fault::File, Fault::Malformed with
-/// the key that is wrong: "rods[1].fixed[0].at".
-RodScene read_rod_scene(const std::string& path);
-RodScene parse_rod_scene(const std::string& path, const std::string& text);
+/// Reads the objects of a scene and what they are joined to and touch. \p has_flesh: the
+/// scene has a skeleton, whose flesh joints may hold. \pre The settings of \p scene are
+/// read. Throws Fault::Malformed with the key that is wrong: "rods[1].fixed[0].at".
+void read_objects_in_time(JsonObject& root, bool has_flesh, RodScene& scene);
 
 } // namespace cellwarp::core

@@ -2,6 +2,7 @@
 #include "io/scene/scene_file.h"
 
 #include <algorithm>
+#include <limits>
 #include <string_view>
 
 #include "io/base/bytes.h"
@@ -9,6 +10,7 @@
 #include "io/base/near_word.h"
 #include "io/base/number.h"
 #include "io/base/relative_name.h"
+#include "io/base/text.h"
 #include "io/scene/json_object.h"
 
 namespace cellwarp::core
@@ -28,115 +30,136 @@ void read_settings(JsonObject& object, std::string_view section, SceneSettings& 
         settings);
 }
 
-FrameBox read_frame(const Json& json, SceneFile& scene)
+FrameBox read_frame(JsonObject& object)
 {
-    JsonObject object(json, scene.path, "cells.frame.", scene.warnings);
+    constexpr double kAnySize = std::numeric_limits<double>::max();
     FrameBox frame;
-    const Json* origin = object.find("origin");
-    const Json* axes = object.find("axes");
-    const Json* size = object.find("size");
-    if (!origin || !size)
+    const bool has_origin = object.read("origin", frame.origin, kAnySize);
+    if (!object.read("size", frame.size, kAnySize) || !has_origin)
         object.fail("", "needs origin and size");
-    frame.origin = object.vector("origin", *origin);
-    frame.size = object.vector("size", *size);
     for (std::size_t k = 0; k < 3; ++k)
         frame.axes[k][k] = 1.0;
-    if (axes)
-    {
-        if (!axes->is_array() || axes->size() != 3)
-            object.fail("axes", "need three vectors");
-        for (std::size_t k = 0; k < 3; ++k)
-            frame.axes[k] = object.vector("axes", (*axes)[k]);
-    }
+    const Json* const given = object.find("axes");
+    if (given && (!given->is_array() || given->size() != 3))
+        object.fail("axes", "need three vectors");
+    std::vector<Triple> axes;
+    if (object.read("axes", axes, kAnySize))
+        std::copy(axes.begin(), axes.end(), frame.axes.begin());
     if (std::any_of(frame.size.begin(), frame.size.end(),
                     [](double s) { return !(s >= 0); }) ||
         std::all_of(frame.size.begin(), frame.size.end(),
                     [](double s) { return s == 0; }))
         object.fail("size", "need lengths >= 0, not all of them 0");
-    object.warn_of_the_rest();
     return frame;
 }
 
-SceneFile scene_of(const std::string& path, const std::string& text)
+/// Whether a scene has objects that move in time.
+bool has_objects(const Json& json)
 {
-    SceneFile scene;
-    scene.path = path;
-    scene.text = text;
-    const Json json = parse_json(path, text, &scene.warnings);
-    JsonObject root(json, path, "", scene.warnings);
-    const Json* version = root.find("cellwarp");
+    for (const char* key : {"rods", "bodies", "nets", "sheets"})
+        if (json.contains(key) && !json[key].empty())
+            return true;
+    return false;
+}
+
+/// Reads all that is for simulate.
+void read_time(JsonObject& root, const Json& json, SceneFile& scene)
+{
+    RodScene& time = scene.time;
+    time.path = scene.path;
+    if (scene.skeleton)
+        time.dt = kStepOfFlesh;
+    if (scene.skeleton && !has_objects(json))
+        time.integrator = "bdf2";
+    scene.is_simulated = read_time_settings(root, time);
+    read_objects_in_time(root, scene.skeleton.has_value(), time);
+    if (time.carries() && scene.model.empty())
+        root.fail("model", "is missing: rods carry its cells");
+}
+
+void read_model(JsonObject& root, const Json& json, SceneFile& scene)
+{
+    if (root.read_file_name("model", scene.model) || has_objects(json))
+        return;
+    std::vector<std::string> keys;
+    for (const auto& [key, value] : json.items())
+        keys.push_back(key);
+    const std::string near = nearest_word("model", keys);
+    root.fail("model",
+              "is missing" + (near.empty() ? "" : " (there is " + in_quotes(near) + ")"));
+}
+
+void read_root(JsonObject& root, const Json& json, SceneFile& scene)
+{
+    const Json* const version = root.find("cellwarp");
     if (!version || !version->is_number_integer())
         root.fail("cellwarp", "is missing (need \"cellwarp\": 1)");
     if (version->get<std::int64_t>() != 1)
         root.fail("cellwarp", "made by version " + version->dump() + ", need 1");
-    std::optional<std::string> model, handles;
-    root.read("model", model);
-    root.read("handles", handles);
-    if (!model)
-    {
-        std::vector<std::string> keys;
-        for (const auto& [key, value] : json.items())
-            keys.push_back(key);
-        const std::string near = nearest_word("model", keys);
-        root.fail("model",
-                  "is missing" +
-                      (near.empty() ? "" : " (there is " + in_quotes(near) + ")"));
-    }
-    if (model->empty())
-        root.fail("model", "names no file");
-    scene.model = resolved_name(path, *model);
-    scene.handles = handles ? resolved_name(path, *handles) : "";
+    read_model(root, json, scene);
+    root.read_file_name("handles", scene.handles);
     root.read("save", scene.save);
     read_settings(root, "", scene.settings);
-    if (const Json* cells = root.find("cells"))
-    {
-        JsonObject object(*cells, path, "cells.", scene.warnings);
-        read_settings(object, "cells", scene.settings);
-        if (const Json* frame = object.find("frame"))
-            scene.frame = read_frame(*frame, scene);
-        object.warn_of_the_rest();
-    }
-    if (const Json* field = root.find("field"))
-    {
-        JsonObject object(*field, path, "field.", scene.warnings);
-        read_settings(object, "field", scene.settings);
-        object.warn_of_the_rest();
-    }
-    const auto leave_out = [&](const char* key, const char* why)
-    {
-        if (const Json* part = root.find(key); part && !part->empty())
-            scene.left_out.push_back(at({path, 0, key}, why));
-    };
-    if (const Json* rods = root.find("rods"); rods && rods->is_array())
-        for (const Json& rod : *rods)
-            scene.has_carriers |= rod.is_object() && rod.value("carries", Json()) == true;
-    for (const char* key : {"rods", "bodies", "nets", "sheets", "joints", "obstacles",
-                            "contact", "unit", "simulate"})
-        leave_out(key, "is for cellwarp simulate, ignored");
-    if (const Json* skeleton = root.find("skeleton"))
-    {
-        JsonObject object(*skeleton, path, "skeleton.", scene.warnings);
-        scene.skeleton =
-            parse_skeleton_scene(object, path, scene.warnings, scene.left_out);
-    }
-    scene.has_rods = json.contains("rods") || json.contains("sheets") ||
-                     json.contains("bodies") || json.contains("nets");
-    if (scene.skeleton && json.contains("simulate"))
-    {
-        scene.time.emplace().dt = kStepOfFlesh;
-        if (!scene.has_rods)
-            scene.time->integrator = "bdf2";
-        read_time_settings(root, path, *scene.time, scene.warnings);
-    }
+    root.read_object("cells",
+                     [&](JsonObject& cells)
+                     {
+                         read_settings(cells, "cells", scene.settings);
+                         cells.read_object("frame", [&](JsonObject& frame)
+                                           { scene.frame = read_frame(frame); });
+                     });
+    root.read_object("field", [&](JsonObject& field)
+                     { read_settings(field, "field", scene.settings); });
+    std::vector<std::string> of_flesh;
+    root.read_object("skeleton", [&](JsonObject& skeleton)
+                     { scene.skeleton = parse_skeleton_scene(skeleton, of_flesh); });
+    const std::size_t num_of_edits = root.known().size();
+    read_time(root, json, scene);
+    scene.left_out = root.left_out(num_of_edits, "is for cellwarp simulate, ignored");
+    scene.left_out.insert(scene.left_out.end(), of_flesh.begin(), of_flesh.end());
     root.warn_of_the_rest();
-    return scene;
+}
+
+/// The JSON pointer of a key: "/rods/2/points" of "rods[2].points".
+std::string pointer_of(const std::string& key)
+{
+    std::string pointer = "/";
+    for (const char c : key)
+        if (c == '.' || c == '[')
+            pointer += '/';
+        else if (c != ']')
+            pointer += c;
+    return pointer;
 }
 
 } // namespace
 
+TimeScene SceneFile::in_time() const
+{
+    if (has_flesh())
+        return time.has_objects() ? TimeScene::FleshAndRods : TimeScene::Flesh;
+    return time.has_objects() && (is_simulated || model.empty()) ? TimeScene::Rods
+                                                                 : TimeScene::None;
+}
+
 SceneFile parse_scene(const std::string& path, const std::string& text)
 {
-    return with_lines(path, text, [&] { return scene_of(path, text); });
+    SceneFile scene;
+    scene.path = path;
+    scene.text = text;
+    JsonReading reading{path, text};
+    const Json json = parse_json(reading);
+    JsonObject root(json, reading, "");
+    read_root(root, json, scene);
+    scene.warnings = std::move(reading.warnings);
+    scene.unknown_keys = std::move(reading.unknown_keys);
+    scene.file_keys = std::move(reading.file_keys);
+    return scene;
+}
+
+void need_model(const SceneFile& scene)
+{
+    if (scene.model.empty())
+        throw malformed({scene.path, 0, "model"}, "is missing");
 }
 
 std::string scene_text(const SceneFile& scene)
@@ -152,11 +175,12 @@ std::string scene_text(const SceneFile& scene)
         return of[name];
     };
     json["cellwarp"] = 1;
-    json["model"] = relative_name(scene.path, scene.model);
-    if (scene.handles.empty())
-        json.erase("handles");
-    else
-        json["handles"] = relative_name(scene.path, scene.handles);
+    for (const auto& [key, file] :
+         {std::pair{"model", scene.model}, std::pair{"handles", scene.handles}})
+        if (file.empty())
+            json.erase(key);
+        else
+            json[key] = relative_name(scene.path, file);
     visit_settings(
         [&](const SettingText& text, const auto&, const auto&, const auto& value)
         {
@@ -181,7 +205,7 @@ std::string scene_text(const SceneFile& scene)
     if (!scene.skeleton)
     {
         // What followed it in time goes with it.
-        if (json.contains("skeleton") && !scene.has_rods)
+        if (json.contains("skeleton") && !scene.time.has_objects())
             json.erase("simulate");
         json.erase("skeleton");
     }
@@ -201,43 +225,32 @@ std::string scene_text(const SceneFile& scene)
     }
 }
 
-std::string moved_scene_text(const std::string& text, const std::string& from,
-                             const std::string& to)
+std::string moved_scene_text(const SceneFile& scene, const std::string& to)
 {
+    if (scene.text.empty() || scene.path == to)
+        return scene.text;
     using Ordered = nlohmann::ordered_json;
-    if (text.empty() || from == to)
-        return text;
-    Ordered json = Ordered::parse(text);
-    const auto move_name = [&](Ordered& of, const char* key)
+    Ordered json = Ordered::parse(scene.text);
+    for (const std::string& key : scene.file_keys)
     {
-        if (of.is_object() && of.contains(key) && of[key].is_string())
-            of[key] = relative_name(to, resolved_name(from, of[key].get<std::string>()));
-    };
-    if (json.contains("skeleton") && json["skeleton"].is_object())
-    {
-        Ordered& skeleton = json["skeleton"];
-        for (const char* key : {"file", "animation_file", "weights"})
-            move_name(skeleton, key);
-        if (skeleton.contains("lattice") && skeleton["lattice"] != "octree")
-            move_name(skeleton, "lattice");
-        if (skeleton.contains("motion"))
-            move_name(skeleton["motion"], "file");
+        Ordered& name = json[Ordered::json_pointer(pointer_of(key))];
+        name = relative_name(to, resolved_name(scene.path, name.get<std::string>()));
     }
-    for (const char* key : {"obstacles", "contact"})
-        if (json.contains(key) && json[key].is_array())
-            for (Ordered& obstacle : json[key])
-                move_name(obstacle, "mesh");
     return json.dump(2) + "\n";
-}
-
-bool has_model(const std::string& path)
-{
-    return parse_json(path, read_file(path)).contains("model");
 }
 
 SceneFile read_scene(const std::string& path)
 {
     return parse_scene(path, read_file(path));
+}
+
+SceneFile scene_or_model(const std::string& path)
+{
+    if (extension_of(path) == "json")
+        return read_scene(path);
+    SceneFile scene;
+    scene.path = scene.model = path;
+    return scene;
 }
 
 } // namespace cellwarp::core

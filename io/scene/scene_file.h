@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Scene files (*.json) as plain values: a model, its handle file, and settings.
+// Scene files (*.json) as plain values: a model, its handle file, settings, a skeleton,
+// and what moves in time.
 #pragma once
 
 #include <array>
@@ -8,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "io/scene/rod_scene.h"
 #include "io/scene/scene_settings.h"
 #include "io/scene/skeleton_scene.h"
-#include "io/scene/time_settings.h"
 
 namespace cellwarp::core
 {
@@ -23,32 +24,49 @@ struct FrameBox
     std::array<double, 3> size{};                ///< [model unit]; >= 0
 };
 
-/// What the scene says; what it leaves out stays empty.
+/// What moves in time in a scene.
+enum class TimeScene
+{
+    None,
+    Rods,  ///< or bodies, nets, sheets
+    Flesh, ///< around a skeleton
+    FleshAndRods
+};
+
+/// All that a scene says; what it leaves out stays empty.
 struct SceneFile
 {
     std::string path;
-    std::string model;   ///< resolved against the scene file
+    std::string model;   ///< resolved against the scene file; empty: rods in time alone
     std::string handles; ///< resolved; empty if none
     SceneSettings settings;
     std::optional<FrameBox> frame;
     std::optional<std::string> save; ///< that wrote it, see saved_pair.h
-    std::vector<std::string> warnings;
-    std::vector<std::string> left_out; ///< warnings of what is for other commands
-    bool has_carriers = false;         ///< rods carry the model: see rod_scene.h
     std::optional<SkeletonScene> skeleton;
-    bool has_rods = false;            ///< or bodies, nets, sheets: see rod_scene.h
-    std::optional<TimeSettings> time; ///< of flesh that follows the skeleton
-    std::string text;                 ///< as it was read, with what the rest leaves out
+    RodScene time;
+    bool is_simulated = false;             ///< has "simulate"
+    std::vector<std::string> warnings;     ///< with those of unknown keys
+    std::vector<std::string> unknown_keys; ///< the warnings of unknown keys alone
+    std::vector<std::string> left_out;     ///< warnings of what is for other commands
+    /// Keys, from the root on, whose values name files relative to the scene.
+    std::vector<std::string> file_keys;
+    std::string text; ///< as it was read, with what the rest leaves out
+
+    TimeScene in_time() const;
+    /// Whether flesh follows the skeleton in time.
+    bool has_flesh() const { return skeleton && is_simulated; }
 };
 
-/// Whether a scene is about a model: rods in time need none. Throws as read_scene() for
-/// what is no JSON.
-bool has_model(const std::string& path);
-
 /// Throws Fault::File or Fault::Malformed with the line of a syntax error or the
-/// path of a wrong value ("cells.gap").
+/// path of a wrong value ("cells.gap"), in whatever part of the scene.
 SceneFile read_scene(const std::string& path);
 SceneFile parse_scene(const std::string& path, const std::string& text);
+
+/// The scene at \p path; another file is the model of a scene that says nothing else.
+SceneFile scene_or_model(const std::string& path);
+
+/// Throws Fault::Malformed for a scene without a model.
+void need_model(const SceneFile& scene);
 
 /// The scene's text, for \p scene.path: parse_scene() gives the same values to the bit.
 /// Model and handles are named relative to its folder where they can be. What
@@ -57,9 +75,8 @@ SceneFile parse_scene(const std::string& path, const std::string& text);
 /// parse_scene() accepts them.
 std::string scene_text(const SceneFile& scene);
 
-/// The text of the scene at \p from as a scene at \p to says it: the files that it names
-/// beside its model and handles are the same. \pre parse_scene() has accepted the text
-std::string moved_scene_text(const std::string& text, const std::string& from,
-                             const std::string& to);
+/// The text of \p scene as a scene at \p to: the names of files in it lead to the same
+/// files. \pre parse_scene() has read the scene
+std::string moved_scene_text(const SceneFile& scene, const std::string& to);
 
 } // namespace cellwarp::core

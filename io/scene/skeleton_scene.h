@@ -87,7 +87,7 @@ struct FleshStatement
     /// Whether it hangs in its weight from the first frame on; none: where it can.
     std::optional<bool> settles;
     bool is_at_rest_as_drawn = false; ///< its drawn shape bears its weight
-    std::vector<FleshObstacleStatement> contact;
+    std::vector<FleshObstacleStatement> obstacles;
     std::vector<FleshHoldStatement> held;
     std::string weights; ///< file, resolved; empty: by distances
 };
@@ -116,10 +116,9 @@ struct SkeletonScene
     FleshStatement flesh;
 };
 
-/// The object "skeleton" of the scene at \p path. Throws Fault::Malformed. \p left_out:
-/// warnings of what is for other commands.
-SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
-                                   std::vector<std::string>& warnings,
+/// Reads the object "skeleton" of a scene. Throws Fault::Malformed. \p left_out: gets the
+/// warnings of what is there for other commands.
+SkeletonScene parse_skeleton_scene(JsonObject& object,
                                    std::vector<std::string>& left_out);
 
 /// The joints of the scene or its file, and what moves them: the scene's keys, else the

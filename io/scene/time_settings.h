@@ -5,7 +5,6 @@
 #include <array>
 #include <cstdint>
 #include <string>
-#include <vector>
 
 namespace cellwarp::core
 {
@@ -36,31 +35,9 @@ struct TimeSettings
     double time_of(std::int64_t frame) const; ///< [s]
 };
 
-/// The keys "unit" and "simulate" of the scene at \p path; what they leave out stays as
-/// it is, but for frames, which are whole steps then. Throws Fault::Malformed.
-void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings& out,
-                        std::vector<std::string>& warnings);
-
-/// What moves in time in a scene.
-enum class TimeScene
-{
-    None,
-    Rods,  ///< see rod_scene.h
-    Flesh, ///< around a skeleton, see skeleton_scene.h
-    FleshAndRods
-};
-
-inline bool has_flesh(TimeScene scene)
-{
-    return scene == TimeScene::Flesh || scene == TimeScene::FleshAndRods;
-}
-
-inline bool has_rods(TimeScene scene)
-{
-    return scene == TimeScene::Rods || scene == TimeScene::FleshAndRods;
-}
-
-/// Of the file at \p path; None for what is no scene file. Throws what reading it throws.
-TimeScene time_scene_of(const std::string& path);
+/// Reads the keys "unit" and "simulate" of a scene; what they leave out stays as it is,
+/// but for frames, which are whole steps then. Returns whether the scene has "simulate".
+/// Throws Fault::Malformed.
+bool read_time_settings(JsonObject& scene, TimeSettings& out);
 
 } // namespace cellwarp::core

@@ -51,7 +51,7 @@ public:
           skeleton_(skeleton), units_{WorkFrame(), handles.is_relative, box, 0.0},
           diagonal_(box.size().norm()),
           every_(scene.skeleton->every.value_or(
-              scene.time->dt * static_cast<double>(scene.time->steps_a_frame())))
+              scene.time.dt * static_cast<double>(scene.time.steps_a_frame())))
     {
     }
 

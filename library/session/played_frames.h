@@ -15,7 +15,7 @@ namespace cellwarp::core
 /// film). In between joints turn, and a joint that two frames hold at one place stays
 /// there. \p geometry: the model. Throws what moving_skeleton() throws, and
 /// Fault::Malformed with line and field for statements that cannot be played: regions,
-/// rods, joints of the handle file and commits. \pre scene.skeleton and scene.time
+/// rods, joints of the handle file and commits. \pre scene.has_flesh()
 SkeletonValues played_skeleton(const SceneFile& scene, const HandleFile& handles,
                                const Geometry& geometry);
 

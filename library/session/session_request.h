@@ -27,8 +27,7 @@ struct SceneChanges
 
 struct SessionRequest
 {
-    SceneFile scene; ///< empty for a model without a scene
-    std::string model;
+    SceneFile scene;
     ReadOptions read;
     std::optional<HandleFile> handles;
     SessionSettings settings;
@@ -42,9 +41,10 @@ enum class ForTime
     Yes
 };
 
-/// Reads \p input, a scene or a model, and the handle file. Throws what their readers
-/// throw, and Fault::Budget where the model is too large for the memory.
-SessionRequest request_of(const std::string& input, ForTime for_time,
+/// The request of a scene; reads its handle file. Throws what the reader throws,
+/// Fault::Malformed for a scene without a model, and Fault::Budget if the model is too
+/// large for the memory.
+SessionRequest request_of(SceneFile scene, ForTime for_time,
                           const SceneChanges& changes = {});
 
 } // namespace cellwarp::core

@@ -81,7 +81,7 @@ void look_for_loose_parts(FleshBody& body)
     }
     const auto loose = std::count_if(is_held.begin(), is_held.end(),
                                      [](const auto& part) { return !part.second; });
-    const Triple& g = model.scene.time->gravity;
+    const Triple& g = model.scene.time.gravity;
     if (loose > 0 && model.flesh().settles.value_or(false) &&
         (g[0] != 0 || g[1] != 0 || g[2] != 0))
         throw malformed({model.scene.path, 0, "skeleton.settle"},

@@ -80,15 +80,15 @@ Json told_of_flesh(std::int64_t number, const FleshFrame& frame,
     return json;
 }
 
-FleshRequest read_flesh_request(const std::string& path)
+FleshRequest read_flesh_request(const SceneFile& scene)
 {
-    SessionRequest request = request_of(path, ForTime::Yes);
+    SessionRequest request = request_of(scene, ForTime::Yes);
     FleshRequest out;
     out.scene = std::move(request.scene);
     if (request.handles)
         out.handles = std::move(*request.handles);
-    out.file =
-        std::make_shared<const GeometryFile>(read_geometry(request.model, request.read));
+    out.file = std::make_shared<const GeometryFile>(
+        read_geometry(out.scene.model, request.read));
     out.cells = request.settings.cells;
     out.warnings = std::move(request.warnings);
     return out;
@@ -144,8 +144,8 @@ namespace
 class FleshInTime final : public InTime
 {
 public:
-    FleshInTime(const std::string& path, const InTimeOptions& options)
-        : request_(read_flesh_request(path)),
+    FleshInTime(const SceneFile& scene, const InTimeOptions& options)
+        : request_(read_flesh_request(scene)),
           simulation_(geometry_of(request_.file), request_.scene, request_.cells,
                       options.is_tight, request_.handles),
           deformed_(simulation_.deformed())
@@ -221,14 +221,13 @@ private:
 
 } // namespace
 
-std::optional<FleshFacts> facts_of_flesh(const std::string& path,
+std::optional<FleshFacts> facts_of_flesh(const SceneFile& scene,
                                          const HandleFile& handles,
                                          const Geometry& geometry,
                                          const CellSettings& cells)
 {
-    if (!has_flesh(time_scene_of(path)))
+    if (!scene.has_flesh())
         return std::nullopt;
-    const SceneFile scene = read_scene(path);
     const SkeletonValues skeleton = played_skeleton(scene, handles, geometry);
     const std::shared_ptr<const FleshModel> model =
         flesh_model(std::shared_ptr<const Geometry>(std::shared_ptr<void>(), &geometry),
@@ -250,7 +249,7 @@ std::optional<FleshFacts> facts_of_flesh(const std::string& path,
     return facts;
 }
 
-std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
+std::unique_ptr<InTime> open_flesh_in_time(const SceneFile& scene,
                                            const InTimeOptions& options)
 {
     return std::make_unique<FleshInTime>(scene, options);

@@ -38,9 +38,9 @@ void refuse_what_cannot_be(const SceneFile& scene)
     };
     if (flesh.law == "regions" && flesh.newton > 1)
         refuse("newton", "is for other laws: regions are solved once a step");
-    if (scene.time->integrator != "implicit-euler" && scene.time->integrator != "bdf2")
+    if (scene.time.integrator != "implicit-euler" && scene.time.integrator != "bdf2")
         throw malformed({scene.path, 0, "simulate.integrator"},
-                        "got " + in_quotes(scene.time->integrator) +
+                        "got " + in_quotes(scene.time.integrator) +
                             ", flesh has implicit-euler and bdf2");
     for (const FleshRegion& material : flesh.materials)
         if (material.reference && flesh.lattice.empty())
@@ -59,7 +59,7 @@ FleshSettings flesh_settings(const FleshModel& model, bool is_tight)
                                            : FleshLaw::Cells;
     out.alpha = flesh.alpha;
     out.beta = flesh.beta;
-    const Triple& g = model.scene.time->gravity;
+    const Triple& g = model.scene.time.gravity;
     out.gravity = model.frame.axes * Vector3d(g[0], g[1], g[2]);
     out.tolerance = is_tight ? kTightTolerance : kUsualTolerance;
     out.newton = static_cast<int>(flesh.newton);
@@ -96,7 +96,7 @@ RegionSet regions_of(const FleshModel& model, const std::vector<std::string>& se
 
 void take_obstacles(FleshModel& model)
 {
-    for (const FleshObstacleStatement& told : model.flesh().contact)
+    for (const FleshObstacleStatement& told : model.flesh().obstacles)
     {
         FleshObstacle obstacle;
         obstacle.friction = told.friction;
@@ -284,9 +284,9 @@ std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> ge
     model->cells = cells;
     model->frame = cells.frame ? given_frame(*cells.frame, cells.frame_file)
                                : automatic_frame(bounding_box(model->geometry->samples));
-    model->metre = model->frame.length_to_model(1.0) * scene.time->unit;
+    model->metre = model->frame.length_to_model(1.0) * scene.time.unit;
     model->settings = flesh_settings(*model, is_tight);
-    if (scene.time->viscosity > 0.0)
+    if (scene.time.viscosity > 0.0)
         model->warnings.push_back(at({scene.path, 0, "simulate.viscosity"},
                                      "is for rods, ignored: flesh has damping"));
     model->skeleton = std::make_shared<const SkeletonHandle>(skeleton.joints,

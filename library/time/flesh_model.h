@@ -81,7 +81,7 @@ inline constexpr double kFirstYoung = 1e4;
 /// \p is_tight: linear systems to 1e-10 instead of 1e-3. Throws Fault::Malformed for what
 /// the scene says and cannot be, and what build_rest_shape() and
 /// read_drawn_flesh() throw.
-/// \pre scene.skeleton and scene.time
+/// \pre scene.has_flesh()
 std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> geometry,
                                               const SceneFile& scene,
                                               const SkeletonValues& skeleton,

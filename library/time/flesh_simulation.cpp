@@ -50,11 +50,11 @@ constexpr double kPullOfStep = 0.2;
 FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
                                  const SceneFile& scene, const CellSettings& cells,
                                  bool is_tight, const HandleFile& handles)
-    : geometry_(std::move(geometry)), time_(*scene.time),
+    : geometry_(std::move(geometry)), time_(scene.time),
       // Blended regions have factors for one length of the step.
       is_of_second_order_(time_.integrator == "bdf2" &&
                           (scene.skeleton->flesh.law != "regions" ||
-                           scene.skeleton->flesh.contact.empty())),
+                           scene.skeleton->flesh.obstacles.empty())),
       skeleton_(played_skeleton(scene, handles, *geometry_)),
       model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
       body_(build_flesh(model_)), settles_(settles(body_)), warnings_(skeleton_.warnings)

@@ -13,6 +13,7 @@
 #include "io/formats/geometry.h"
 #include "io/formats/geometry_file.h"
 #include "io/scene/handle_file.h"
+#include "io/scene/scene_file.h"
 #include "library/session/body.h"
 #include "library/session/deformation.h"
 #include "library/session/json.h"
@@ -84,19 +85,19 @@ struct InTimeOptions
 };
 
 /// Nothing for models and for scenes of edits.
-std::unique_ptr<InTime> open_in_time(const std::string& input,
+std::unique_ptr<InTime> open_in_time(const SceneFile& scene,
                                      const InTimeOptions& options = {});
 
 /// Rods: rods_in_time.cpp.
-std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
+std::unique_ptr<InTime> open_rods_in_time(const SceneFile& scene,
                                           const InTimeOptions& options);
 /// Lists of the parts of a scene of rods in time, and its duration; null for others.
-Json scene_in_time(const std::string& scene);
+Json scene_in_time(const SceneFile& scene);
 /// Flesh: flesh_in_time.cpp.
-std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
+std::unique_ptr<InTime> open_flesh_in_time(const SceneFile& scene,
                                            const InTimeOptions& options);
 /// Both: joined_in_time.cpp.
-std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
+std::unique_ptr<InTime> open_joined_in_time(const SceneFile& scene,
                                             const InTimeOptions& options);
 
 /// Facts of rods in time for `check`.
@@ -110,7 +111,7 @@ struct RodFacts
     bool are_all = false;
 };
 /// Nothing for scenes without rods in time.
-std::optional<RodFacts> facts_of_rods(const std::string& input);
+std::optional<RodFacts> facts_of_rods(const SceneFile& scene);
 
 /// Facts of flesh for `check`.
 struct FleshFacts
@@ -120,7 +121,7 @@ struct FleshFacts
     std::vector<std::string> warnings;
 };
 /// Nothing for scenes without flesh.
-std::optional<FleshFacts> facts_of_flesh(const std::string& input,
+std::optional<FleshFacts> facts_of_flesh(const SceneFile& scene,
                                          const HandleFile& handles,
                                          const Geometry& geometry,
                                          const CellSettings& cells);

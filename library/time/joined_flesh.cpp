@@ -19,7 +19,7 @@ JoinedFlesh::JoinedFlesh(FleshSimulation& flesh, std::string path, const Vector3
       lattice_(flesh.body().flesh)
 {
     const FleshModel& model = *flesh.body().model;
-    const double unit = model.scene.time->unit;
+    const double unit = model.scene.time.unit;
     to_scene_.R = model.frame.axes.transpose();
     to_scene_.t = unit * model.to_model(Vector3d::Zero()) - origin;
 }
@@ -58,7 +58,7 @@ FleshPoint JoinedFlesh::point_at(const Vector3d& at, const std::string& where) c
 {
     const FleshBody& body = flesh_.body();
     const FleshModel& model = *body.model;
-    const Vector3d x = model.to_metres(at / model.scene.time->unit);
+    const Vector3d x = model.to_metres(at / model.scene.time.unit);
     const Lattice& lattice = body.flesh->lattice();
     const int cell = body.octree ? piece_at(model.rest->material.grid,
                                             body.octree->pieces, x / model.metre)

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "io/scene/rod_scene.h"
 #include "library/session/session_json.h"
 #include "library/time/in_time.h"
 #include "library/time/joined_simulation.h"
@@ -28,10 +27,10 @@ Json sum_of(const Json& a, const Json& b)
 class JoinedInTime final : public InTime
 {
 public:
-    JoinedInTime(const std::string& path, const InTimeOptions& options)
-        : request_(read_flesh_request(path)),
-          simulation_(geometry_of(request_.file), request_.scene, read_rod_scene(path),
-                      request_.cells, options.is_tight, request_.handles),
+    JoinedInTime(const SceneFile& scene, const InTimeOptions& options)
+        : request_(read_flesh_request(scene)),
+          simulation_(geometry_of(request_.file), request_.scene, request_.cells,
+                      options.is_tight, request_.handles),
           deformed_(simulation_.flesh().deformed())
     {
     }
@@ -39,9 +38,9 @@ public:
     std::vector<std::string> warnings() const override
     {
         std::vector<std::string> all = request_.warnings;
-        for (const std::string& more : simulation_.warnings()) // both read some keys
+        for (const std::string& more : simulation_.warnings())
             if (std::find(all.begin(), all.end(), more) == all.end())
-                all.push_back(more);
+                all.push_back(more); // both have read the skeleton's file
         seen_.add_warnings(simulation_.flesh(), all);
         return all;
     }
@@ -128,7 +127,7 @@ private:
 
 } // namespace
 
-std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
+std::unique_ptr<InTime> open_joined_in_time(const SceneFile& scene,
                                             const InTimeOptions& options)
 {
     return std::make_unique<JoinedInTime>(scene, options);

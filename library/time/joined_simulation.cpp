@@ -23,8 +23,8 @@ void refuse_what_joints_cannot_hold(const SceneFile& scene)
     if (flesh.law == "regions")
         refuse("skeleton.law", "regions are blended, and so joined to nothing: need "
                                "another law, or no joints");
-    if (!flesh.contact.empty())
-        refuse("skeleton.contact", "flesh that is joined to something touches nothing");
+    if (!flesh.obstacles.empty())
+        refuse("skeleton.obstacles", "flesh that is joined to something touches nothing");
     if (flesh.settles.value_or(false))
         refuse("skeleton.settle", "what is joined to the flesh would stay behind");
     if (!flesh.held.empty() && flesh.detail > 0.0)
@@ -54,14 +54,13 @@ SceneFile without_settling(SceneFile scene)
 } // namespace
 
 JoinedSimulation::JoinedSimulation(std::shared_ptr<const Geometry> geometry,
-                                   const SceneFile& scene, const RodScene& rods,
-                                   const CellSettings& cells, bool is_tight,
-                                   const HandleFile& handles)
-    : flesh_(std::move(geometry), has_flesh_end(rods) ? without_settling(scene) : scene,
-             cells, is_tight, handles),
-      warnings_(rods.warnings)
+                                   const SceneFile& scene, const CellSettings& cells,
+                                   bool is_tight, const HandleFile& handles)
+    : flesh_(std::move(geometry),
+             has_flesh_end(scene.time) ? without_settling(scene) : scene, cells, is_tight,
+             handles)
 {
-    if (has_flesh_end(rods))
+    if (has_flesh_end(scene.time))
     {
         refuse_what_joints_cannot_hold(scene);
         if (!flesh_.body().held_points.guided.empty())
@@ -69,17 +68,16 @@ JoinedSimulation::JoinedSimulation(std::shared_ptr<const Geometry> geometry,
                             "flesh that is joined to something is held wholly, at points "
                             "that lie on corners of cells or beside them");
         joined_ = std::make_unique<JoinedFlesh>(flesh_, scene.path,
-                                                Simulation::origin_of(rods));
+                                                Simulation::origin_of(scene.time));
     }
-    rods_ = std::make_unique<Simulation>(rods, joined_.get());
+    rods_ = std::make_unique<Simulation>(scene.time, joined_.get());
 }
 
 JoinedSimulation::~JoinedSimulation() = default;
 
 std::vector<std::string> JoinedSimulation::warnings() const
 {
-    std::vector<std::string> all = warnings_;
-    all.insert(all.end(), flesh_.warnings().begin(), flesh_.warnings().end());
+    std::vector<std::string> all = flesh_.warnings();
     all.insert(all.end(), rods_->warnings().begin(), rods_->warnings().end());
     return all;
 }

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "io/formats/geometry.h"
-#include "io/scene/rod_scene.h"
 #include "io/scene/scene_file.h"
 #include "library/time/flesh_simulation.h"
 #include "library/time/joined_flesh.h"
@@ -25,8 +24,8 @@ public:
     /// Both stand at their start. Throws what FleshSimulation and Simulation throw, and
     /// Fault::Malformed for what flesh cannot have where joints hold it.
     JoinedSimulation(std::shared_ptr<const Geometry> geometry, const SceneFile& scene,
-                     const RodScene& rods, const CellSettings& cells,
-                     bool is_tight = false, const HandleFile& handles = {});
+                     const CellSettings& cells, bool is_tight = false,
+                     const HandleFile& handles = {});
     ~JoinedSimulation();
 
     FleshSimulation& flesh() { return flesh_; }
@@ -43,7 +42,6 @@ private:
     FleshSimulation flesh_;
     std::unique_ptr<JoinedFlesh> joined_; ///< null: no joint holds the flesh
     std::unique_ptr<Simulation> rods_;
-    std::vector<std::string> warnings_; ///< of the statements
 };
 
 } // namespace cellwarp::core

@@ -1,23 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "io/scene/time_settings.h"
+#include "io/scene/scene_file.h"
 #include "library/time/in_time.h"
 
 namespace cellwarp::core
 {
 
-std::unique_ptr<InTime> open_in_time(const std::string& input,
-                                     const InTimeOptions& options)
+std::unique_ptr<InTime> open_in_time(const SceneFile& scene, const InTimeOptions& options)
 {
-    switch (time_scene_of(input))
+    switch (scene.in_time())
     {
     case TimeScene::None:
-        break;
+        return nullptr;
     case TimeScene::Rods:
-        return open_rods_in_time(input, options);
+        return open_rods_in_time(scene, options);
     case TimeScene::Flesh:
-        return open_flesh_in_time(input, options);
+        return open_flesh_in_time(scene, options);
     case TimeScene::FleshAndRods:
-        return open_joined_in_time(input, options);
+        return open_joined_in_time(scene, options);
     }
     return nullptr;
 }

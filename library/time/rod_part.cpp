@@ -97,16 +97,16 @@ Section section_of(const RodStatement& rod, double share)
 Rod built(const RodScene& scene, const RodStatement& of, const std::string& where,
           const Eigen::Vector3d& origin)
 {
-    if (of.energy == "discrete" &&
+    if (of.elasticity == "discrete" &&
         (of.degree != 3 || of.spline == "bezier" || of.spline == "catmull-rom"))
-        throw malformed({scene.path, 0, where + ".energy"},
+        throw malformed({scene.path, 0, where + ".elasticity"},
                         "springs need a cubic spline, uniform or nonuniform");
     try
     {
         return {curve_of(of, origin),
                 [&of](double share) { return section_of(of, share); },
                 {of.is_straight_at_rest ? RodRest::Straight : RodRest::Given,
-                 of.rest_twist, of.link, of.energy == "discrete" ? 2 : 1,
+                 of.rest_twist, of.link, of.elasticity == "discrete" ? 2 : 1,
                  of.normal ? std::optional(vector_of(*of.normal)) : std::nullopt}};
     }
     catch (const std::invalid_argument& error)
@@ -137,8 +137,8 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
       where_("rods[" + std::to_string(index) + "]"), origin_(origin)
 {
     warn_of_curve();
-    const bool is_exact = statement_.energy == "exact",
-               is_discrete = statement_.energy == "discrete";
+    const bool is_exact = statement_.elasticity == "exact",
+               is_discrete = statement_.elasticity == "discrete";
     model.terms.push_back(
         exact_elasticity(rod, {.has_stretch = is_exact,
                                .has_bending = !(is_discrete && springs_bend(rod))}));

@@ -7,7 +7,6 @@
 #include "io/base/text.h"
 #include "io/formats/geometry_file.h"
 #include "io/formats/plain_mesh.h"
-#include "io/scene/rod_scene.h"
 #include "io/scene/scene_file.h"
 #include "io/scene/time_settings.h"
 #include "library/session/session_json.h"
@@ -218,22 +217,16 @@ Json carriers_json(const Session& session)
 class RodsInTime final : public InTime
 {
 public:
-    RodsInTime(const std::string& path, const InTimeOptions& options)
-        : scene_(read_rod_scene(path)), simulation_(scene_), warnings_(scene_.warnings)
+    RodsInTime(const SceneFile& scene, const InTimeOptions& options)
+        : time_(scene.time), simulation_(scene.time), warnings_(scene.warnings)
     {
+        if (!scene.time.carries() && !scene.model.empty())
+            warnings_.push_back(
+                at({scene.path, 0, "model"}, "no rod carries it, it is left out"));
+        if (scene.time.carries())
+            read_model(scene, options);
         warnings_.insert(warnings_.end(), simulation_.warnings().begin(),
                          simulation_.warnings().end());
-        if (!scene_.carries())
-            return;
-        SessionRequest request = request_of(path, ForTime::Yes);
-        warnings_.insert(warnings_.end(), request.warnings.begin(),
-                         request.warnings.end());
-        request.settings.watch = options.watch;
-        model_ = std::make_shared<const GeometryFile>(
-            read_geometry(request.model, request.read));
-        carried_.emplace(geometry_of(model_),
-                         std::move(request.handles).value_or(HandleFile()),
-                         request.settings, scene_.unit, simulation_);
     }
 
     std::vector<std::string> warnings() const override
@@ -249,7 +242,7 @@ public:
     {
         return is_static() ? 0 : simulation_.last_frame();
     }
-    double time_of(std::int64_t frame) const override { return scene_.time_of(frame); }
+    double time_of(std::int64_t frame) const override { return time_.time_of(frame); }
     std::int64_t num_steps() const override { return simulation_.num_steps(); }
     std::int64_t steps_done() const override { return simulation_.steps_done(); }
     void next_frame(const std::function<void()>& watch, bool wants_samples) override
@@ -297,7 +290,7 @@ public:
     {
         return bytes_of(simulation_, name, unit, drawing);
     }
-    double unit() const override { return scene_.unit; }
+    double unit() const override { return time_.unit; }
 
     FilmFrame seen(int around) const override
     {
@@ -308,23 +301,35 @@ public:
             Geometry& model = seen.parts.emplace_back(session.geometry());
             model.samples = session.deformed().samples;
             for (Eigen::Vector3d& x : model.samples)
-                x *= scene_.unit;
+                x *= time_.unit;
         }
         return seen;
     }
 
 private:
-    RodScene scene_;
+    void read_model(const SceneFile& scene, const InTimeOptions& options)
+    {
+        SessionRequest request = request_of(scene, ForTime::Yes);
+        warnings_ = request.warnings;
+        request.settings.watch = options.watch;
+        model_ = std::make_shared<const GeometryFile>(
+            read_geometry(request.scene.model, request.read));
+        carried_.emplace(geometry_of(model_),
+                         std::move(request.handles).value_or(HandleFile()),
+                         request.settings, time_.unit, simulation_);
+    }
+
+    const TimeSettings time_;
     Simulation simulation_;
     std::shared_ptr<const GeometryFile> model_;
     std::optional<CarriedModel> carried_;
     std::vector<std::string> warnings_;
 };
 
-Json rods_of(const RodScene& scene)
+Json rods_of(const std::vector<RodStatement>& all)
 {
     Json rods = Json::array();
-    for (const RodStatement& rod : scene.rods)
+    for (const RodStatement& rod : all)
         rods.push_back({{"name", rod.name},
                         {"points", std::max(rod.points.size(), rod.through.size())},
                         {"closed", rod.is_closed},
@@ -334,18 +339,18 @@ Json rods_of(const RodScene& scene)
 
 } // namespace
 
-std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
+std::unique_ptr<InTime> open_rods_in_time(const SceneFile& scene,
                                           const InTimeOptions& options)
 {
     return std::make_unique<RodsInTime>(scene, options);
 }
 
-Json scene_in_time(const std::string& path)
+Json scene_in_time(const SceneFile& of)
 {
-    if (!has_rods(time_scene_of(path)))
+    const RodScene& scene = of.time;
+    if (of.in_time() != TimeScene::Rods && of.in_time() != TimeScene::FleshAndRods)
         return nullptr;
-    const RodScene scene = read_rod_scene(path);
-    Json json = {{"rods", rods_of(scene)},
+    Json json = {{"rods", rods_of(scene.rods)},
                  {"sheets", Json::array()},
                  {"nets", Json::array()},
                  {"bodies", Json::array()},
@@ -364,14 +369,13 @@ Json scene_in_time(const std::string& path)
     return json;
 }
 
-std::optional<RodFacts> facts_of_rods(const std::string& path)
+std::optional<RodFacts> facts_of_rods(const SceneFile& of)
 {
-    const TimeScene kind = time_scene_of(path);
-    if (!has_rods(kind))
+    const RodScene& scene = of.time;
+    if (of.in_time() != TimeScene::Rods && of.in_time() != TimeScene::FleshAndRods)
         return std::nullopt;
-    const RodScene scene = read_rod_scene(path);
     RodFacts facts;
-    facts.rods = rods_of(scene);
+    facts.rods = rods_of(scene.rods);
     facts.num_frames = scene.last_frame() + 1;
     facts.num_steps = scene.num_steps();
     const auto add = [&](std::size_t count, const char* what)
@@ -386,11 +390,10 @@ std::optional<RodFacts> facts_of_rods(const std::string& path)
     facts.text += scene.is_static() ? "an equilibrium"
                                     : fmt::format("{} frames, {} steps", facts.num_frames,
                                                   facts.num_steps);
-    facts.warnings = scene.warnings;
-    if (kind != TimeScene::Rods)
+    if (of.in_time() != TimeScene::Rods)
         return facts;
-    facts.are_all = !has_model(path) || scene.carries();
-    facts.warnings = open_rods_in_time(path, {})->warnings();
+    facts.are_all = of.model.empty() || scene.carries();
+    facts.warnings = open_rods_in_time(of, {})->warnings();
     return facts;
 }
 

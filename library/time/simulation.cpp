@@ -437,10 +437,9 @@ void Simulation::join()
     for (std::size_t k = 0; k < scene_.joints.size(); ++k)
     {
         const JointStatement& joint = scene_.joints[k];
-        Both& both =
-            all.emplace_back(Both{joint.ends[0], joint.ends[1], joint.slide, joint.slide,
-                                  fmt::format("joints[{}]", k), joint.has_point,
-                                  joint.has_frame, joint.has_distance});
+        Both& both = all.emplace_back(Both{joint.ends[0], joint.ends[1], joint.slide,
+                                           joint.slide, joint.field, joint.has_point,
+                                           joint.has_frame, joint.has_distance});
         if (joint.ends[0].slides && joint.ends[1].slides)
             both.of_b.start = joint.other_start;
     }

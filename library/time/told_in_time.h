@@ -40,7 +40,7 @@ struct FleshRequest
     CellSettings cells;
     std::vector<std::string> warnings;
 };
-FleshRequest read_flesh_request(const std::string& path);
+FleshRequest read_flesh_request(const SceneFile& scene);
 
 /// What of all frames is told in the end.
 struct SeenFlesh

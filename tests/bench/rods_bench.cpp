@@ -15,7 +15,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "io/scene/rod_scene.h"
+#include "io/scene/scene_file.h"
 #include "library/time/simulation.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_newton.h"
@@ -260,7 +260,7 @@ void shoelace(benchmark::State& run, Integrator rule)
 /// A sample, its first quarter of a second again and again.
 void joined(benchmark::State& run, const std::string& name, double published)
 {
-    RodScene scene = read_rod_scene(CELLWARP_SAMPLES "/rods/" + name + ".json");
+    RodScene scene = read_scene(CELLWARP_SAMPLES "/rods/" + name + ".json").time;
     scene.dt = 1e-3;
     auto simulation = std::make_unique<Simulation>(scene);
     for (auto _ : run)
@@ -284,7 +284,7 @@ void joined(benchmark::State& run, const std::string& name, double published)
 void touching(benchmark::State& run, const std::string& name, const std::string& rule,
               double dt, double published)
 {
-    RodScene scene = read_rod_scene(CELLWARP_SAMPLES "/rods/" + name + ".json");
+    RodScene scene = read_scene(CELLWARP_SAMPLES "/rods/" + name + ".json").time;
     scene.dt = dt;
     scene.integrator = rule;
     Simulation simulation(scene);
@@ -548,7 +548,7 @@ int main(int count, char** arguments)
                                {"intestine", "rk4", 2e-4, 14.0}})
     {
         const RodScene scene =
-            read_rod_scene(CELLWARP_SAMPLES "/rods/" + std::string(of.name) + ".json");
+            read_scene(CELLWARP_SAMPLES "/rods/" + std::string(of.name) + ".json").time;
         benchmark::RegisterBenchmark(
             (std::string("touching/") + of.name + "/" + of.rule).c_str(), touching,
             of.name, of.rule, of.dt, of.published)

@@ -36,7 +36,7 @@ JOINED = b"""{"cellwarp": 1, "rods": [{"name": "a", "through": [[0, 0, 0], [1, 0
     "inertia": 1, "keys": [{"time": 0}]}, {"at": 1, "rod": "a", "other": "sliding"}]}],
     "bodies": [{"name": "b", "mass": 2, "inertia": [1, 1, 1], "at": [1, 0, 0], "spin": [1, 0, 0]}],
     "nets": [{"name": "n", "points": [[0, 0, 0], [0, 1, 0]], "springs": [[0, 1, 5]], "fixed": [1]}],
-    "joints": [{"a": "rod a sliding", "b": "body b 0 0 0", "apart": 0.1, "range": [0.5, 1]},
+    "connections": [{"a": "rod a sliding", "b": "body b 0 0 0", "apart": 0.1, "range": [0.5, 1]},
     {"a": "rod a 0", "b": "net n 0", "what": ["point"]}], "simulate": {"dt": 0.001}}"""
 ROPE = json.dumps({
     "cellwarp": 1,
@@ -45,7 +45,7 @@ ROPE = json.dumps({
                          "keys": [{"time": 0.1, "translate": [0, 1, 0], "rotate": [0, 0, 1, 30]}]}],
               "on": [{"at": 0.5, "plane": [0, 1, 0, 0]}], "loads": [{"at": 1, "force": [0, 1, 0]}]},
              {"points": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "closed": True, "spline": "uniform",
-              "rest": "straight", "link": 2, "energy": "discrete"}],
+              "rest": "straight", "link": 2, "elasticity": "discrete"}],
     "simulate": {"dt": 0.001, "duration": 0.003, "integrator": "midpoint", "viscosity": 0.1}}).encode()
 TRIANGLE = struct.pack("<9f3Bx", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
 

@@ -44,7 +44,7 @@ struct Files
               "E": 2e4, "across": 8},
               "rods": [{"name": "rope", "radius": 0.02, "E": 1e7,
                         "through": [[0, 0, 4], [0, 1, 4], [0, 2, 4]]}],
-              "joints": [{"a": "rod rope 0", "b": "flesh )" +
+              "connections": [{"a": "rod rope 0", "b": "flesh )" +
                                            place +
                                            R"("}],
               "simulate": {"duration": 0.2, "gravity": [0, 0, 0], "dt": 0.005,
@@ -88,7 +88,8 @@ TEST(SimulateJoined, check_tells_of_flesh_and_faults_end_with_3)
     const Files outside("0 0 5");
     const Result refused = run({"simulate", outside.scene, "--json"});
     EXPECT_EQ(refused.code, 3);
-    EXPECT_TRUE(contains(refused.err, "joints[0]: the point (0, 0, 5) of the flesh"));
+    EXPECT_TRUE(
+        contains(refused.err, "connections[0]: the point (0, 0, 5) of the flesh"));
 }
 
 TEST(SimulateJoined, the_editor_plays_the_frames_of_simulate_to_the_bit)

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/files.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
@@ -15,6 +16,7 @@ namespace cellwarp::core
 using nlohmann::json;
 using support::BarFiles;
 using support::contains;
+using support::Folder;
 using support::Result;
 using support::run;
 
@@ -301,6 +303,45 @@ TEST(Main, a_batch_with_failures_tells_of_each_file_as_json)
     EXPECT_EQ(all["files"][1]["error"]["fault"], "malformed");
     EXPECT_EQ(all["files"][1]["error"]["line"], 2);
     EXPECT_TRUE(all.contains("version"));
+}
+
+TEST(Main, check_fails_for_what_is_wrong_in_any_part_of_a_scene)
+{
+    const Folder folder;
+    const std::string head = R"({"cellwarp": 1, "model": ")" + support::samples_folder() +
+                             R"(/bar.obj", "handles": ")" + support::samples_folder() +
+                             "/bar.handles\",\n";
+    const auto scene = [&](const std::string& more)
+    { return folder.write("s.json", head + more + "}"); };
+    // Parts of another command are read like any other.
+    for (const auto& [more, says] :
+         {std::pair<std::string, std::string>{R"("bodies": "x", "nets": 7)",
+                                              "s.json:2: bodies: need a list"},
+          {R"("nets": 7)", "s.json:2: nets: need a list"},
+          {R"("obstacles": 3)", "s.json:2: obstacles: need a list"},
+          {"\"rods\": [\n{\"through\": 3}]", "s.json:3: rods[0].through: need a list"},
+          {R"("simulate": {"dt": "soon"})", "s.json:2: simulate.dt: got"},
+          {R"("unit": true)", "s.json:2: unit: got"}})
+        for (const char* command : {"check", "info"})
+        {
+            const Result result = run({command, scene(more)});
+            EXPECT_EQ(result.code, 3) << more;
+            EXPECT_TRUE(contains(result.err, says)) << result.err;
+        }
+    // All unknown keys are named, with their lines; other commands only warn.
+    const std::string unknown = scene("\"colour\": 3, \"cells\": {\n\"acros\": 4},\n"
+                                      "\"simulate\": {\"steps\": 4}");
+    const Result checked = run({"check", unknown});
+    EXPECT_EQ(checked.code, 3);
+    for (const char* says :
+         {"s.json:2: colour: unknown key", "s.json:3: cells.acros: unknown key",
+          "s.json:4: simulate.steps: unknown key"})
+        EXPECT_TRUE(contains(checked.err, says)) << checked.err;
+    EXPECT_EQ(run({"info", unknown}).code, 0);
+    const Result deformed = run({"deform", unknown, "-o", folder / "out.obj"});
+    EXPECT_EQ(deformed.code, 0) << deformed.err;
+    EXPECT_TRUE(contains(deformed.err, "s.json:4: simulate.steps: unknown key, ignored"));
+    EXPECT_TRUE(contains(deformed.err, "simulate: is for cellwarp simulate, ignored"));
 }
 
 TEST(Main, check_looks_at_regions_without_frames_too)

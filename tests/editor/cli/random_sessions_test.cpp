@@ -95,7 +95,7 @@ Outcome play(const SessionFlags& flags, int threads)
     try
     {
         SessionRequest request = read_request(flags);
-        Session session(read_geometry(request.model, request.read).geometry,
+        Session session(read_geometry(request.scene.model, request.read).geometry,
                         std::move(*request.handles), request.settings);
         while (outcome.fault.empty() && session.next_frame(true))
             outcome.fault = fault_of(*session.system());

@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <sys/inotify.h>
+#include <unistd.h>
 
 #include "io/formats/geometry_file.h"
 #include "tests/support/extremes.h"
@@ -32,7 +34,53 @@ constexpr char kRope[] = R"({"cellwarp": 1, "rods": [{"name": "rope",
     "through": [[0,0,0],[1,0,0]], "fixed": [{"at": 0}]}],
     "simulate": {"dt": 0.01, "duration": 0.1, "every": 0.05}})";
 
+/// How often a file is opened while \p call runs.
+template <class Call>
+int times_opened(const std::string& file, const Call& call)
+{
+    const int queue = inotify_init1(IN_NONBLOCK);
+    EXPECT_GE(inotify_add_watch(queue, file.c_str(), IN_OPEN | IN_CLOSE), 0);
+    call();
+    // Equal events in a row become one: that of closing the file comes in between.
+    int count = 0;
+    alignas(inotify_event) char events[4096];
+    for (ssize_t size; (size = read(queue, events, sizeof events)) > 0;)
+        for (ssize_t at = 0; at < size;
+             at += static_cast<ssize_t>(sizeof(inotify_event)) +
+                   reinterpret_cast<const inotify_event*>(events + at)->len)
+            count += (reinterpret_cast<const inotify_event*>(events + at)->mask &
+                      IN_OPEN) != 0;
+    close(queue);
+    return count;
+}
+
 } // namespace
+
+TEST(SimulateCommand, a_scene_is_opened_once_a_run)
+{
+    const Folder folder;
+    const std::string rope = folder.write("rope.json", kRope);
+    folder.write("cube.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\n"
+                             "v 1 1 1\nv 0 1 1\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\n"
+                             "f 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
+    folder.write("cube.handles", "cellwarp-handles 1\nfixed low box 0 0 0 1 1 0.1\n"
+                                 "handle high box 0 0 0.9 1 1 1\nframe 1\n"
+                                 "move high translate 0 0 0.1\n");
+    const std::string edit = folder.write("cube.json", R"({"cellwarp": 1,
+        "model": "cube.obj", "handles": "cube.handles", "cells": {"across": 4}})");
+    const std::string out = folder / "out.obj";
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"simulate", rope, "--json"},
+          {"check", rope, "--json"},
+          {"info", rope},
+          {"deform", edit, "-o", out},
+          {"check", edit},
+          {"info", edit}})
+        EXPECT_EQ(times_opened(command[1],
+                               [&] { EXPECT_EQ(run(command).code, 0) << command[0]; }),
+                  1)
+            << command[0] << " " << command[1];
+}
 
 TEST(SimulateCommand, writes_frames_and_tells_of_them)
 {

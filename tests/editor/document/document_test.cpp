@@ -665,7 +665,7 @@ TEST(Document, keeps_what_it_does_not_know_in_a_scene)
     const std::string path = bar.folder / "s.json";
     write_file(path,
                R"({"note": [1, "two"], "cellwarp": 1, "model": "bar.obj",
-  "rods": [{"radius": 0.25}], "cells": {"gap": 0.03, "colour": "red", "across": 9,
+  "rods": [{"radius": 0.25, "through": [[0, 0, 1], [0, 0, 2]]}], "cells": {"gap": 0.03, "colour": "red", "across": 9,
   "frame": {"origin": [0, 0, 0], "size": [1, 1, 4], "by": "hand"}},
   "field": {"drag": "blend", "speed": 7}, "simulate": {"dt": 0.01}})",
                Overwrite::No);
@@ -690,7 +690,19 @@ TEST(Document, keeps_what_it_does_not_know_in_a_scene)
   "model": "bar.obj",
   "rods": [
     {
-      "radius": 0.25
+      "radius": 0.25,
+      "through": [
+        [
+          0,
+          0,
+          1
+        ],
+        [
+          0,
+          0,
+          2
+        ]
+      ]
     }
   ],
   "cells": {

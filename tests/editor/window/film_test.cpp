@@ -141,12 +141,12 @@ TEST(Film, frame_that_is_seen_is_the_one_that_is_exported)
 
 TEST(Film, that_cannot_be_says_why_and_one_that_is_dropped_ends)
 {
-    const Scene none("-1");
+    const Scene none(R"(0.1, "elasticity": "discrete", "degree": 2)");
     Editing editing(Document(none.path, ""));
     const Film film(editing);
     wait(film);
     EXPECT_EQ(film.num_made(), 0);
-    EXPECT_TRUE(contains(film.error(), "radius")) << film.error();
+    EXPECT_TRUE(contains(film.error(), "rods[0].elasticity")) << film.error();
     const Scene scene;
     Editing other(Document(scene.path, ""));
     const auto start = std::chrono::steady_clock::now();

@@ -215,12 +215,12 @@ TEST(LiveFlesh, and_its_keys_are_kept_by_a_save_or_it_is_refused)
     ASSERT_EQ(document.why_not_whole(), "");
     document.save(other);
     const SceneFile saved = read_scene(other), was = read_scene(scene);
-    ASSERT_TRUE(saved.skeleton && saved.time);
+    ASSERT_TRUE(saved.has_flesh());
     ASSERT_EQ(saved.skeleton->keys.size(), 2u);
     EXPECT_EQ(saved.skeleton->keys[1].time, was.skeleton->keys[1].time);
     EXPECT_EQ(saved.skeleton->keys[1].rotate, was.skeleton->keys[1].rotate);
     EXPECT_EQ(saved.skeleton->flesh.young, 1e6);
-    EXPECT_EQ(saved.time->duration, was.time->duration);
+    EXPECT_EQ(saved.time.duration, was.time.duration);
     EXPECT_EQ(saved.settings.cells.across, 6); // which was edited
     EXPECT_TRUE(saved.handles.empty());
     // It opens as what was saved, and its own scene is saved in place.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "io/scene/rod_scene.h"
+#include "io/scene/scene_file.h"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ std::string scene_of(const std::string& rod, const std::string& simulate = "{}")
 
 TEST(RodScene, says_what_stands_in_it_and_defaults_for_the_rest)
 {
-    const RodScene scene = parse_rod_scene(
+    const SceneFile of = parse_scene(
         "s.json",
         scene_of(R"({"name": "a", "through": [[0,0,0],[1,0,0]], "radius": [0.1, 0.2],
                      "EI": [1, 2], "normal": [0, 0, 1], "rest": "straight", "fixed": [{"at": 1,
@@ -32,6 +32,8 @@ TEST(RodScene, says_what_stands_in_it_and_defaults_for_the_rest)
                      "on": [{"at": 0.5, "plane": [0,2,0,3]}],
                      "loads": [{"at": 0.5, "force": [0,-1,0]}]})",
                  R"({"dt": 0.01, "integrator": "rk4", "gravity": [0,0,-1]})"));
+    EXPECT_TRUE(of.warnings.empty());
+    const RodScene& scene = of.time;
     ASSERT_EQ(scene.rods.size(), 1u);
     const RodStatement& rod = scene.rods[0];
     EXPECT_EQ(rod.name, "a");
@@ -52,16 +54,16 @@ TEST(RodScene, says_what_stands_in_it_and_defaults_for_the_rest)
     EXPECT_EQ(scene.dt, 0.01);
     EXPECT_EQ(scene.integrator, "rk4");
     EXPECT_EQ(scene.gravity[2], -1.0);
-    EXPECT_TRUE(scene.warnings.empty());
 }
 
 TEST(RodScene, says_what_refines_is_cut_and_touches)
 {
-    const RodScene scene = parse_rod_scene("a/s.json", R"({"cellwarp": 1, "rods": [
+    const RodScene scene = parse_scene("a/s.json", R"({"cellwarp": 1, "rods": [
         {"through": [[0,0,0],[1,0,0]], "refine": {"insert": 1, "remove": 0.2},
          "cut": [{"at": 0.4, "time": 2}, {"force": 3}], "radius_of_contact": 0.3,
          "skin": true}, {"through": [[0,0,0],[1,0,0]], "refine": true}],
-        "obstacles": [{"plane": [0,1,0,2]}, {"sphere": [1,2,3,4]}, {"mesh": "b.obj"}]})");
+        "obstacles": [{"plane": [0,1,0,2]}, {"sphere": [1,2,3,4]}, {"mesh": "b.obj"}]})")
+                               .time;
     EXPECT_EQ(scene.rods[0].refine->insert, 1.0);
     EXPECT_EQ(scene.rods[0].refine->tolerance, 1e-3);
     EXPECT_EQ(scene.rods[1].refine->insert, 0.5);
@@ -74,12 +76,13 @@ TEST(RodScene, says_what_refines_is_cut_and_touches)
     EXPECT_EQ((*scene.obstacles[1].sphere)[3], 4.0);
     EXPECT_EQ(scene.obstacles[2].mesh, "a/b.obj");
     EXPECT_TRUE(scene.contact); // obstacles are there to be touched
-    EXPECT_FALSE(parse_rod_scene("s.json", R"({"cellwarp": 1, "contact": false,
+    EXPECT_FALSE(parse_scene("s.json", R"({"cellwarp": 1, "rod_contact": false,
         "obstacles": [{"plane": [0,1,0,2]}], "rods": [{"through": [[0,0,0],[1,0,0]]}]})")
-                     .contact);
-    const RodScene touches = parse_rod_scene("s.json", R"({"cellwarp": 1,
-        "contact": {"friction": 0.3, "stiffness": 9, "self": false},
-        "rods": [{"through": [[0,0,0],[1,0,0]]}]})");
+                     .time.contact);
+    const RodScene touches = parse_scene("s.json", R"({"cellwarp": 1,
+        "rod_contact": {"friction": 0.3, "stiffness": 9, "self": false},
+        "rods": [{"through": [[0,0,0],[1,0,0]]}]})")
+                                 .time;
     EXPECT_EQ(touches.contact->friction, 0.3);
     EXPECT_EQ(*touches.contact->stiffness, 9.0);
     EXPECT_FALSE(touches.contact->with_itself);
@@ -103,7 +106,7 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {"{" + line + R"(, "EI": [1, 2]})",
            "rods[0].normal: is missing: two different"},
           {"{" + line + R"(, "nu": 0.6})", "rods[0].nu"},
-          {"{" + line + R"(, "closed": 1})", "rods[0].closed: need true or false"},
+          {"{" + line + R"(, "closed": 1})", "rods[0].closed: got 1, need true or false"},
           {"{" + line + R"(, "link": 1})", "rods[0].link"},
           {"{" + line + R"(, "name": "a\nb"})", "rods[0].name: has characters"},
           {"{" + line + R"(, "springs": [{"point": [0,0,0], "length": 1}]})",
@@ -113,7 +116,7 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {"{" + line + R"(, "springs": [{"point": [0,0,0], "stiffness": -1}]})",
            "rods[0].springs[0].stiffness"},
           {"{" + line + R"(, "spline": "hermite"})", "rods[0].spline"},
-          {"{" + line + R"(, "energy": "springs"})", "rods[0].energy: "},
+          {"{" + line + R"(, "elasticity": "springs"})", "rods[0].elasticity: "},
           {"{" + line + R"(, "refine": 3})", "rods[0].refine: need true, false"},
           {"{" + line + R"(, "refine": {"insert": 0.2}})",
            "rods[0].refine.remove: need a smaller turn"},
@@ -125,7 +128,7 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {"{" + line + R"(, "cut": [{"at": 1}]})", "rods[0].cut[0].at"},
           {"{" + line + R"(, "cut": [{"curvature": 0}]})", "rods[0].cut[0].curvature"},
           {"{" + line + R"(, "radius_of_contact": 0})", "rods[0].radius_of_contact"},
-          {"{" + line + R"(, "skin": 1})", "rods[0].skin: need true or false"},
+          {"{" + line + R"(, "skin": 1})", "rods[0].skin: got 1, need true or false"},
           {"{" + line + R"(, "carries": true})", "model: is missing: rods carry"},
           {"{" + line + R"(, "carries": true, "refine": true})",
            "rods[0].carries: cells are carried by rods that are neither"},
@@ -165,13 +168,13 @@ TEST(RodScene, names_the_key_that_is_wrong)
     {
         SCOPED_TRACE(rod);
         const std::string text = error_of(Fault::Malformed, [&, &of = rod]
-                                          { parse_rod_scene("s.json", scene_of(of)); });
+                                          { parse_scene("s.json", scene_of(of)); });
         EXPECT_TRUE(contains(text, words)) << text;
     }
     for (
         const auto& [text, words] :
         {std::pair<std::string, std::string>{R"({"rods": []})", "cellwarp: is missing"},
-         {R"({"cellwarp": 1})", "rods: is missing"},
+         {R"({"cellwarp": 1})", "model: is missing"},
          {R"({"cellwarp": 2, "rods": []})", "cellwarp"},
          {scene_of("{" + line + "}", R"({"dt": 0})"), "simulate.dt"},
          {scene_of("{" + line + "}", R"({"dt": 1e-12, "duration": 1e9})"),
@@ -197,33 +200,33 @@ TEST(RodScene, names_the_key_that_is_wrong)
           "sheets[0].over: a point within a block"},
          {R"({"cellwarp": 1, "sheets": [{"name": "s", "sides": [[1,0,0],[0,1,0]]}],
                "rods": [{)" +
-              line + R"(}], "joints": [{"a": "rod rod1 0", "b": "sheet s 0 2"}]})",
-          "joints[0].b: a share is not within 0 and 1"},
+              line + R"(}], "connections": [{"a": "rod rod1 0", "b": "sheet s 0 2"}]})",
+          "connections[0].b: a share is not within 0 and 1"},
          {R"({"cellwarp": 1, "sheets": [{"name": "s", "sides": [[1,0,0],[0,1,0]]}],
                "rods": [{)" +
               line +
-              R"(}], "joints": [{"a": "rod rod1 0", "b": "sheet s 0 1", "what": ["frame"]}]})",
-          "joints[0].what: a place of a sheet has no frame"},
-         {R"({"cellwarp": 1, "contact": 3, "rods": [{)" + line + "}]}",
-          "contact: need true, false"},
-         {R"({"cellwarp": 1, "contact": {"friction": -1}, "rods": [{)" + line + "}]}",
-          "contact.friction"},
+              R"(}], "connections": [{"a": "rod rod1 0", "b": "sheet s 0 1", "what": ["frame"]}]})",
+          "connections[0].what: a place of a sheet has no frame"},
+         {R"({"cellwarp": 1, "rod_contact": 3, "rods": [{)" + line + "}]}",
+          "rod_contact: need true, false"},
+         {R"({"cellwarp": 1, "rod_contact": {"friction": -1}, "rods": [{)" + line + "}]}",
+          "rod_contact.friction"},
          {R"({"cellwarp": 1, "rods": [{)" + line +
               R"(, "cut": [{"at": 0.5}]}], "simulate": {"integrator": "static"}})",
           "rods[0].cut: an equilibrium has no time"},
          {R"({"cellwarp": 1, "unit": -1, "rods": [{)" + line + "}]}", "unit: "}})
-        EXPECT_TRUE(contains(error_of(Fault::Malformed,
-                                      [&, &of = text] { parse_rod_scene("s.json", of); }),
-                             words))
+        EXPECT_TRUE(contains(
+            error_of(Fault::Malformed, [&, &of = text] { parse_scene("s.json", of); }),
+            words))
             << text;
-    EXPECT_EQ(parse_rod_scene("s.json", scene_of("{" + line + R"(, "colour": 1})"))
-                  .warnings.size(),
-              1u);
+    EXPECT_EQ(
+        parse_scene("s.json", scene_of("{" + line + R"(, "colour": 1})")).warnings.size(),
+        1u);
 }
 
 TEST(RodScene, reads_bodies_nets_and_joints)
 {
-    const RodScene scene = parse_rod_scene("s.json", R"({"cellwarp": 1,
+    const SceneFile of = parse_scene("s.json", R"({"cellwarp": 1,
         "rods": [{"name": "long rope", "through": [[0,0,0],[1,0,0]],
                   "on": [{"at": 1, "rod": "long rope", "other": "sliding",
                           "other_start": 0.25}]}],
@@ -233,11 +236,12 @@ TEST(RodScene, reads_bodies_nets_and_joints)
         "nets": [{"name": "cloth", "points": [[0,0,0],[1,0,0],[1,1,0]],
                   "springs": [[0,1,50],[1,2,60]], "mass": 3, "fixed": [2]},
                  {"points": [[0,0,0],[1,0,0]], "mass": [1,2]}],
-        "joints": [{"a": "rod long rope 0.5", "b": "body seat 0 0 0.1",
+        "connections": [{"a": "rod long rope 0.5", "b": "body seat 0 0 0.1",
                     "what": ["point", "frame"]},
                    {"a": "rod long rope sliding", "b": "net cloth 2", "friction": [0.3, 0.2],
                     "range": [0.2, 0.8], "end": "release", "inertia": 0.5, "apart": 0.1}]})");
-    EXPECT_TRUE(scene.warnings.empty());
+    const RodScene& scene = of.time;
+    EXPECT_TRUE(of.warnings.empty());
     EXPECT_EQ(scene.rods[0].on[0].kind, RodOn::Kind::Rod);
     EXPECT_EQ(scene.rods[0].on[0].rod, 0u);
     EXPECT_EQ(scene.rods[0].on[0].other_slide->start, 0.25);
@@ -263,54 +267,54 @@ TEST(RodScene, reads_bodies_nets_and_joints)
 
 TEST(RodScene, names_what_is_wrong_with_bodies_nets_and_joints)
 {
-    for (const auto& [more, words] :
-         {std::pair<std::string, std::string>{R"("bodies": [{"inertia": [1,1,3]}])",
-                                              "bodies[0].inertia: no body has it"},
-          {R"("bodies": [{"mass": 0}])", "bodies[0].mass"},
-          {R"("bodies": [{"rotate": [0,0,0,1]}])", "bodies[0].rotate: its axis"},
-          {R"("bodies": [{"name": "a"}, {"name": "a"}])", "bodies: two are called 'a'"},
-          {R"("nets": [{}])", "nets[0].points: is missing"},
-          {R"("nets": [{"points": [[0,0,0]], "springs": [[0,1,5]]}])",
-           "nets[0].springs[0]: need the number of a point, from 0 to 0"},
-          {R"("nets": [{"points": [[0,0,0],[1,0,0]], "springs": [[0,0,5]]}])",
-           "nets[0].springs[0]: need two points, not one"},
-          {R"("nets": [{"points": [[0,0,0],[1,0,0]], "springs": [[0,1,-5]]}])",
-           "nets[0].springs[0]: need two points and a stiffness"},
-          {R"("nets": [{"points": [[0,0,0],[1,0,0]], "mass": [1]}])",
-           "nets[0].mass: need"},
-          {R"("nets": [{"points": [[0,0,0]], "fixed": [0.5]}])",
-           "nets[0].fixed[0]: need"},
-          {R"("joints": [{"a": "rod r 0"}])", "joints[0].b: is missing"},
-          {R"("joints": [{"a": "rod r", "b": "rod r 1"}])",
-           "joints[0].a: names no place"},
-          {R"("joints": [{"a": "stick r 0", "b": "rod r 1"}])",
-           "joints[0].a: names no place: need \"rod NAME SHARE\""},
-          {R"("joints": [{"a": "rod x 0", "b": "rod r 1"}])",
-           "joints[0].a: there is no rod called 'x'"},
-          {R"("joints": [{"a": "rod r 2", "b": "rod r 1"}])",
-           "joints[0].a: the share is not within 0 and 1"},
-          {R"("joints": [{"a": "rod r x", "b": "rod r 1"}])",
-           "joints[0].a: what follows the name is no number"},
-          {R"("nets": [{"name": "n", "points": [[0,0,0]]}],
-              "joints": [{"a": "net n 1", "b": "rod r 1"}])",
-           "joints[0].a: the net has no such point"},
-          {R"("nets": [{"name": "n", "points": [[0,0,0]]}],
-              "joints": [{"a": "net n 0", "b": "rod r 1", "what": ["frame"]}])",
-           "joints[0].what: a point of a net has no frame"},
-          {R"("joints": [{"a": "rod r sliding", "b": "rod r 1", "what": ["distance"]}])",
-           "joints[0].what: what slides is joined by point alone"},
-          {R"("joints": [{"a": "rod r 0", "b": "rod r 1", "what": ["glue"]}])",
-           "joints[0].what[0]: need one of point, frame, distance"}})
+    for (
+        const auto& [more, words] :
+        {std::pair<std::string, std::string>{R"("bodies": [{"inertia": [1,1,3]}])",
+                                             "bodies[0].inertia: no body has it"},
+         {R"("bodies": [{"mass": 0}])", "bodies[0].mass"},
+         {R"("bodies": [{"rotate": [0,0,0,1]}])", "bodies[0].rotate: its axis"},
+         {R"("bodies": [{"name": "a"}, {"name": "a"}])", "bodies: two are called 'a'"},
+         {R"("nets": [{}])", "nets[0].points: is missing"},
+         {R"("nets": [{"points": [[0,0,0]], "springs": [[0,1,5]]}])",
+          "nets[0].springs[0]: need the number of a point, from 0 to 0"},
+         {R"("nets": [{"points": [[0,0,0],[1,0,0]], "springs": [[0,0,5]]}])",
+          "nets[0].springs[0]: need two points, not one"},
+         {R"("nets": [{"points": [[0,0,0],[1,0,0]], "springs": [[0,1,-5]]}])",
+          "nets[0].springs[0]: need two points and a stiffness"},
+         {R"("nets": [{"points": [[0,0,0],[1,0,0]], "mass": [1]}])",
+          "nets[0].mass: need"},
+         {R"("nets": [{"points": [[0,0,0]], "fixed": [0.5]}])", "nets[0].fixed[0]: need"},
+         {R"("connections": [{"a": "rod r 0"}])", "connections[0].b: is missing"},
+         {R"("connections": [{"a": "rod r", "b": "rod r 1"}])",
+          "connections[0].a: names no place"},
+         {R"("connections": [{"a": "stick r 0", "b": "rod r 1"}])",
+          "connections[0].a: names no place: need \"rod NAME SHARE\""},
+         {R"("connections": [{"a": "rod x 0", "b": "rod r 1"}])",
+          "connections[0].a: there is no rod called 'x'"},
+         {R"("connections": [{"a": "rod r 2", "b": "rod r 1"}])",
+          "connections[0].a: the share is not within 0 and 1"},
+         {R"("connections": [{"a": "rod r x", "b": "rod r 1"}])",
+          "connections[0].a: what follows the name is no number"},
+         {R"("nets": [{"name": "n", "points": [[0,0,0]]}],
+              "connections": [{"a": "net n 1", "b": "rod r 1"}])",
+          "connections[0].a: the net has no such point"},
+         {R"("nets": [{"name": "n", "points": [[0,0,0]]}],
+              "connections": [{"a": "net n 0", "b": "rod r 1", "what": ["frame"]}])",
+          "connections[0].what: a point of a net has no frame"},
+         {R"("connections": [{"a": "rod r sliding", "b": "rod r 1", "what": ["distance"]}])",
+          "connections[0].what: what slides is joined by point alone"},
+         {R"("connections": [{"a": "rod r 0", "b": "rod r 1", "what": ["glue"]}])",
+          "connections[0].what[0]: need one of point, frame, distance"}})
     {
         SCOPED_TRACE(more);
-        const std::string text = error_of(
-            Fault::Malformed,
-            [&, &of = more]
-            {
-                parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [{"name": "r",
+        const std::string text =
+            error_of(Fault::Malformed,
+                     [&, &of = more]
+                     {
+                         parse_scene("s.json", R"({"cellwarp": 1, "rods": [{"name": "r",
                              "through": [[0,0,0],[1,0,0]]}], )" +
-                                              of + "}");
-            });
+                                                   of + "}");
+                     });
         EXPECT_TRUE(contains(text, words)) << text;
     }
 }
@@ -318,7 +322,7 @@ TEST(RodScene, names_what_is_wrong_with_bodies_nets_and_joints)
 TEST(RodScene, warns_of_what_a_curve_has_no_use_for)
 {
     const auto warnings = [](const std::string& rod)
-    { return parse_rod_scene("x.json", scene_of("{" + rod + "}")).warnings; };
+    { return parse_scene("x.json", scene_of("{" + rod + "}")).warnings; };
     const std::string through = R"("through": [[0,0,0],[1,0,0]])",
                       points = R"("points": [[0,0,0],[1,0,0],[2,0,0],[3,0,0]])";
     const auto one = [&](const std::string& rod, const std::string& words)
@@ -335,13 +339,51 @@ TEST(RodScene, warns_of_what_a_curve_has_no_use_for)
     EXPECT_TRUE(warnings(points + R"(, "spline": "uniform", "degree": 3)").empty());
 }
 
+TEST(RodScene, old_names_of_keys_are_read_with_a_warning)
+{
+    const auto scene = [](const std::string& energy, const std::string& joints,
+                          const std::string& contact)
+    {
+        return parse_scene("s.json", R"({"cellwarp": 1, "rods": [{"name": "r", ")" +
+                                         energy + R"(": "discrete",
+            "through": [[0,0,0],[1,0,0]]}], "bodies": [{"name": "b"}],
+            ")" + joints + R"(": [{"a": "rod r 1", "b": "body b 0 0 0"}],
+            ")" + contact + R"(": {"friction": 0.5}})");
+    };
+    const SceneFile old = scene("energy", "joints", "contact"),
+                    now = scene("elasticity", "connections", "rod_contact");
+    EXPECT_EQ(old.warnings,
+              (std::vector<std::string>{"s.json:1: rods[0].energy: is called "
+                                        "rods[0].elasticity now",
+                                        "s.json:3: joints: is called connections now",
+                                        "s.json:4: contact: is called rod_contact now"}));
+    EXPECT_TRUE(now.warnings.empty());
+    for (const SceneFile& one : {old, now})
+    {
+        EXPECT_TRUE(one.unknown_keys.empty());
+        EXPECT_EQ(one.time.rods[0].elasticity, "discrete");
+        ASSERT_EQ(one.time.joints.size(), 1u);
+        EXPECT_EQ(one.time.contact->friction, 0.5);
+    }
+    EXPECT_EQ(old.time.joints[0].field, "joints[0]");
+    EXPECT_EQ(now.time.joints[0].field, "connections[0]");
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed,
+                 []
+                 {
+                     parse_scene("s.json", R"({"cellwarp": 1, "contact": true,
+                         "rod_contact": true, "bodies": [{}]})");
+                 }),
+        "s.json:1: contact: is the old name of rod_contact, which is there as well"));
+}
+
 TEST(RodScene, frames_are_whole_steps)
 {
     const auto scene = [](const std::string& simulate)
     {
-        return parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [{"through":
+        return parse_scene("s.json", R"({"cellwarp": 1, "rods": [{"through":
             [[0,0,0],[1,0,0]]}], "simulate": )" +
-                                             simulate + "}");
+                                         simulate + "}");
     };
     EXPECT_TRUE(contains(
         error_of(Fault::Malformed, [&] { scene(R"({"dt": 0.02, "every": 0.03})"); }),
@@ -350,12 +392,12 @@ TEST(RodScene, frames_are_whole_steps)
     EXPECT_TRUE(contains(
         error_of(Fault::Malformed, [&] { scene(R"({"dt": 0.02, "every": 0.001})"); }),
         "the nearest is 0.02 s"));
-    EXPECT_EQ(scene(R"({"dt": 0.004, "every": 0.06})").steps_a_frame(), 15);
+    EXPECT_EQ(scene(R"({"dt": 0.004, "every": 0.06})").time.steps_a_frame(), 15);
     // The default is the whole number of steps that is nearest to 1/30 s.
-    EXPECT_DOUBLE_EQ(scene(R"({"dt": 0.02})").every, 0.04);
-    EXPECT_DOUBLE_EQ(scene("{}").every, 0.033);
+    EXPECT_DOUBLE_EQ(scene(R"({"dt": 0.02})").time.every, 0.04);
+    EXPECT_DOUBLE_EQ(scene("{}").time.every, 0.033);
     EXPECT_TRUE(scene(R"({"dt": 0.02, "duration": 0.011})").warnings.empty());
-    const RodScene still = scene(R"({"dt": 0.02, "duration": 0.009})");
+    const SceneFile still = scene(R"({"dt": 0.02, "duration": 0.009})");
     ASSERT_EQ(still.warnings.size(), 1u);
     EXPECT_TRUE(
         contains(still.warnings[0],

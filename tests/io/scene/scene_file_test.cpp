@@ -60,7 +60,7 @@ TEST(SceneFile, what_is_for_simulate_is_left_to_it)
 {
     const SceneFile scene = parse_scene(
         "s.json",
-        R"({"cellwarp": 1, "model": "m.obj", "rods": [{}], "simulate": {"dt": 1}})");
+        R"({"cellwarp": 1, "model": "m.obj", "rods": [{"points": [[0,0,0],[1,0,0]]}], "simulate": {"dt": 1}})");
     ASSERT_EQ(scene.left_out.size(), 2u);
     for (const std::string& warning : scene.left_out)
         EXPECT_TRUE(contains(warning, "is for cellwarp simulate, ignored")) << warning;
@@ -70,18 +70,20 @@ TEST(SceneFile, a_scene_that_moves_to_another_folder_names_the_same_files)
 {
     const std::string text = with(R"("obstacles": [{"mesh": "wall.obj"}],
         "skeleton": {"file": "walk.glb", "animation_file": "more.glb",
-            "weights": "/home/w.txt", "lattice": "sub/l.mesh",
+            "law": "regions", "weights": "/home/w.txt", "lattice": "sub/l.mesh",
             "motion": {"file": "run.bvh"}}, "mine": "kept.txt")");
-    const std::string moved = moved_scene_text(text, "there/s.json", "here/t.json");
+    const std::string moved =
+        moved_scene_text(parse_scene("there/s.json", text), "here/t.json");
     for (const char* name :
          {R"("mesh": "../there/wall.obj")", R"("file": "../there/walk.glb")",
           R"("animation_file": "../there/more.glb")", R"("weights": "/home/w.txt")",
           R"("lattice": "../there/sub/l.mesh")", R"("file": "../there/run.bvh")",
           R"("mine": "kept.txt")"})
         EXPECT_TRUE(contains(moved, name)) << name << moved;
-    EXPECT_EQ(moved_scene_text(text, "a/s.json", "a/s.json"), text);
-    const std::string octree = with(R"("skeleton": {"lattice": "octree"})");
-    EXPECT_TRUE(contains(moved_scene_text(octree, "a/s.json", "b/s.json"),
+    EXPECT_EQ(moved_scene_text(parse_scene("a/s.json", text), "a/s.json"), text);
+    const std::string octree =
+        with(R"("skeleton": {"file": "a.tgf", "lattice": "octree"})");
+    EXPECT_TRUE(contains(moved_scene_text(parse_scene("a/s.json", octree), "b/s.json"),
                          R"("lattice": "octree")"));
 }
 

@@ -166,8 +166,9 @@ TEST(SkeletonScene, what_a_part_of_it_lacks_is_told_by_its_place)
     tells(more(R"("detail_regions": ["all"])"), "detail_regions: need detail");
     tells(more(R"("detail": 0.1, "detail_regions": [3])"), "need a list of selectors");
     tells(more(R"("weights": "")"), "weights: need the name of a file");
-    tells(more(R"("contact": [{"sphere": [0, 0, 0, 0]}])"), "got the radius 0, need > 0");
-    tells(more(R"("contact": [{}])"), "contact[0]: needs a plane or a sphere");
+    tells(more(R"("obstacles": [{"sphere": [0, 0, 0, 0]}])"),
+          "got the radius 0, need > 0");
+    tells(more(R"("obstacles": [{}])"), "obstacles[0]: needs a plane or a sphere");
     tells(more(R"("held": [{}])"), "held[0].at: is missing");
     tells(more(R"("held": [{"at": [0, 0, 0], "normal": [0, 0, 0]}])"),
           "normal: got 0 0 0, need a direction");
@@ -233,8 +234,19 @@ TEST(SkeletonScene, says_what_its_flesh_is_like)
           {R"("law": "rubber")", "skeleton.law: got 'rubber'"},
           {R"("newton": 9)", "skeleton.newton: got 9"},
           {R"("lattice": "body.obj")", "skeleton.lattice: got 'body.obj'"},
-          {R"("tube": 1)", "skeleton.tube: need true or false"}})
+          {R"("tube": 1)", "skeleton.tube: got 1, need true or false"}})
         EXPECT_TRUE(contains(refusal(kJoints + ", " + more), what)) << more;
+}
+
+TEST(SkeletonScene, obstacles_have_an_old_name)
+{
+    const SceneFile scene =
+        scene_of(kJoints + R"(, "contact": [{"plane": [0, 1, 0, 2]}])");
+    ASSERT_EQ(scene.warnings.size(), 1u);
+    EXPECT_TRUE(contains(scene.warnings[0],
+                         "skeleton.contact: is called skeleton.obstacles now"));
+    ASSERT_EQ(scene.skeleton->flesh.obstacles.size(), 1u);
+    EXPECT_EQ(scene.skeleton->flesh.obstacles[0].field, "skeleton.contact[0]");
 }
 
 TEST(SkeletonScene, with_simulate_it_has_a_time_of_its_own)
@@ -243,20 +255,21 @@ TEST(SkeletonScene, with_simulate_it_has_a_time_of_its_own)
         "skeleton": {"joints": [{"name": "a", "parent": null, "at": [0, 0, 0]}]},
         "simulate": {"duration": 3, "gravity": [0, 0, -9.81]})";
     const SceneFile flesh = parse_scene("s.json", scene + "}");
-    ASSERT_TRUE(flesh.time);
-    EXPECT_EQ(flesh.time->dt, 1.0 / 120.0);
-    EXPECT_EQ(flesh.time->duration, 3.0);
-    EXPECT_EQ(flesh.time->unit, 0.01);
-    EXPECT_EQ(flesh.time->gravity[2], -9.81);
-    EXPECT_FALSE(flesh.has_rods);
+    ASSERT_TRUE(flesh.has_flesh());
+    EXPECT_EQ(flesh.time.dt, 1.0 / 120.0);
+    EXPECT_EQ(flesh.time.duration, 3.0);
+    EXPECT_EQ(flesh.time.unit, 0.01);
+    EXPECT_EQ(flesh.time.gravity[2], -9.81);
+    EXPECT_EQ(flesh.in_time(), TimeScene::Flesh);
     // Rods and nets of the scene share it.
-    for (const char* more : {R"(, "rods": [{}]})", R"(, "nets": [{}]})"})
+    for (const char* more : {R"(, "rods": [{"points": [[0,0,0],[1,0,0]]}]})",
+                             R"(, "nets": [{"points": [[0,0,0]]}]})"})
     {
         const SceneFile both = parse_scene("s.json", scene + more);
-        EXPECT_TRUE(both.time);
-        EXPECT_TRUE(both.has_rods);
+        EXPECT_TRUE(both.has_flesh());
+        EXPECT_EQ(both.in_time(), TimeScene::FleshAndRods);
     }
-    EXPECT_FALSE(scene_of(kJoints).time);
+    EXPECT_FALSE(scene_of(kJoints).has_flesh());
 }
 
 TEST(SkeletonScene, a_scene_keeps_it_when_it_is_written)

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "io/scene/scene_file.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "tests/support/sessions.h"
@@ -29,10 +30,11 @@ using Eigen::Vector3d;
 RodScene scene_of(const std::string& rod, const std::string& simulate,
                   const std::string& more = "")
 {
-    return parse_rod_scene("s.json", R"({"cellwarp": 1, "model": "bar.obj", "rods": [{)"
-                                     R"("name": "spine", "carries": true, )" +
-                                         rod + "}], " + more + R"("simulate": )" +
-                                         simulate + "}");
+    return parse_scene("s.json", R"({"cellwarp": 1, "model": "bar.obj", "rods": [{)"
+                                 R"("name": "spine", "carries": true, )" +
+                                     rod + "}], " + more + R"("simulate": )" + simulate +
+                                     "}")
+        .time;
 }
 
 /// In the bar's axis, clamped at its foot, which turns by 70 degrees in 0.2 s.

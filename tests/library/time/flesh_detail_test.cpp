@@ -460,7 +460,7 @@ TEST(FleshDetail, is_where_something_touches_is_pulled_or_was_asked_for)
         for (int frame = 0; frame < 20; ++frame)
             asked->next_frame();
         EXPECT_EQ(level_at(*asked, tip), 2); // it does not leave
-        bar.skeleton = usual + R"(, "contact": [{"sphere": [4, 1.25, 0.5, 0.76]}])";
+        bar.skeleton = usual + R"(, "obstacles": [{"sphere": [4, 1.25, 0.5, 0.76]}])";
         const auto touched = bar.start();
         for (int frame = 0; frame < 6; ++frame)
             touched->next_frame();

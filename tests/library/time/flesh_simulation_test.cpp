@@ -285,7 +285,7 @@ TEST(FleshSimulation, flesh_that_has_no_rest_begins_without_its_weight)
     bar.more = R"(, "gravity": [0, -9.81, 0])";
     const std::string plain = bar.skeleton;
     for (const char* more :
-         {R"(, "contact": [{"plane": [0, 1, 0, -9]}])", R"(, "law": "regions")"})
+         {R"(, "obstacles": [{"plane": [0, 1, 0, -9]}])", R"(, "law": "regions")"})
     {
         bar.skeleton = plain + more;
         EXPECT_EQ(sag(*bar.start()), 0.0) << more;
@@ -440,7 +440,7 @@ TEST(FleshSimulation, where_rest_in_its_weight_is_not_found_flesh_has_none)
     bar.more = R"(, "gravity": [0, -9.81, 0])";
     // Points that touch are others in each round.
     bar.skeleton = R"("E": 6.2e3, "across": 8, "settle": true, "law": "stvk",
-                      "contact": [{"plane": [0, 1, 0, -0.55], "friction": 0.5}])";
+                      "obstacles": [{"plane": [0, 1, 0, -0.55], "friction": 0.5}])";
     const auto simulation = bar.start();
     for (Eigen::Index n = 0; n < simulation->snapshot().state.u.size(); ++n)
         ASSERT_EQ(simulation->snapshot().state.u[n], 0.0);
@@ -614,7 +614,7 @@ TEST(FleshSimulation, a_ball_that_comes_keeps_the_flesh_out)
     Bar bar;
     bar.keys = kStill;
     bar.skeleton = R"("E": 2e4, "across": 8, "damping": {"alpha": 5},
-        "contact": [{"sphere": [1.3, 0, 3, 0.5], "friction": 0.3,
+        "obstacles": [{"sphere": [1.3, 0, 3, 0.5], "friction": 0.3,
                      "keys": [{"time": 0, "translate": [0, 0, 0]},
                               {"time": 0.3, "translate": [-0.5, 0, 0]}]}])";
     const auto simulation = bar.start(true);
@@ -649,7 +649,7 @@ TEST(FleshSimulation, flesh_that_falls_lies_on_the_ground)
     Bar bar;
     // Bones above it hold nothing: it is free.
     bar.skeleton = R"("E": 2e5, "across": 8, "damping": {"alpha": 8},
-        "contact": [{"plane": [0, 0, 2, -0.2], "friction": 0.2}])";
+        "obstacles": [{"plane": [0, 0, 2, -0.2], "friction": 0.2}])";
     bar.keys = kStill;
     bar.more = R"(, "gravity": [0, 0, -9.81], "duration": 2)";
     const SceneFile scene =
@@ -749,7 +749,7 @@ TEST(FleshSimulation, what_begins_inside_an_obstacle_comes_out_slowly)
     Bar bar;
     bar.keys = kStill;
     bar.skeleton = R"("E": 2e4, "across": 8, "damping": {"alpha": 5},
-        "contact": [{"sphere": [0.9, 0, 3.5, 0.8]}])";
+        "obstacles": [{"sphere": [0.9, 0, 3.5, 0.8]}])";
     const auto simulation = bar.start();
     double fastest = 0.0;
     while (simulation->steps_done() < simulation->num_steps())
@@ -997,8 +997,8 @@ TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
           {R"(, "detail": 0.1, "detail_regions": ["bocks 1"])",
            "skeleton.detail_regions"},
           {R"(, "held": [{"at": [0, 0, 9]}])", "skeleton.held[0].at: lies outside"},
-          {R"(, "contact": [{"plane": [0, 0, 0, 0]}])",
-           "skeleton.contact[0].plane: its normal"},
+          {R"(, "obstacles": [{"plane": [0, 0, 0, 0]}])",
+           "skeleton.obstacles[0].plane: its normal"},
           {R"(, "materials": [{"region": "bocks 1"}])", "skeleton.materials[0].region"}})
     {
         bar.skeleton = usual + more;

@@ -30,7 +30,7 @@ struct Scene
     std::string keys = "";
     std::string rods = R"("bodies": [{"name": "weight", "mass": 20, "inertia": [1, 1, 1],
                           "at": [4, -0.5, 0]}],
-                          "joints": [{"a": "flesh 4 0 0", "b": "body weight 0 0.5 0"}])";
+                          "connections": [{"a": "flesh 4 0 0", "b": "body weight 0 0.5 0"}])";
     std::string time = R"("duration": 0.5)";
     double unit = 1.0;
 
@@ -52,7 +52,7 @@ struct Scene
         const SceneFile of = parse_scene(folder / "s.json", text());
         return std::make_unique<JoinedSimulation>(
             std::make_shared<const Geometry>(read_geometry(of.model).geometry), of,
-            parse_rod_scene(folder / "s.json", text()), settings_of(of).cells, true);
+            settings_of(of).cells, true);
     }
     std::string refusal() const
     {
@@ -137,7 +137,7 @@ TEST(JoinedSimulation, joints_hold_in_the_models_units_and_turned_frames)
     const SceneFile of = parse_scene(scene.folder / "s.json", text);
     JoinedSimulation centimetres(
         std::make_shared<const Geometry>(read_geometry(of.model).geometry), of,
-        parse_rod_scene(scene.folder / "s.json", text), settings_of(of).cells, true);
+        settings_of(of).cells, true);
     run(centimetres);
     EXPECT_LT(
         (sample_at(centimetres, {400, 0, 50}) / 100.0 - sample_at(*metres, {4, 0, 0.5}))
@@ -154,7 +154,7 @@ TEST(JoinedSimulation, a_rod_slides_through_flesh_and_draws_it_together)
         "through": [[2.6, 0.4, 0], [3, 0.4, 0.2], [3.6, 0.4, 0], [4.4, 0.4, 0]],
         "fixed": [{"at": 1, "keys": [{"time": 0, "translate": [0, 0, 0]},
                                      {"time": 0.4, "translate": [0.4, 0, 0]}]}]}],
-        "joints": [{"a": "rod thread 0", "b": "flesh 2.6 0.4 0"},
+        "connections": [{"a": "rod thread 0", "b": "flesh 2.6 0.4 0"},
                    {"a": "rod thread sliding", "b": "flesh 3.6 0.4 0"}])";
     scene.time = R"("duration": 0.5, "gravity": [0, 0, 0])";
     scene.more += R"(, "damping": {"alpha": 5})";
@@ -180,7 +180,7 @@ TEST(JoinedSimulation, bones_lead_what_hangs_on_the_flesh)
                     {"time": 0.25, "joint": "root", "rotate": [0, 0, 1, 40]})";
     scene.rods = R"("nets": [{"name": "net", "points": [[2, 0, 0], [2, -1, 0]],
                     "springs": [[0, 1, 50]], "mass": 0.5}],
-                    "joints": [{"a": "net net 0", "b": "flesh 2 0 0"}])";
+                    "connections": [{"a": "net net 0", "b": "flesh 2 0 0"}])";
     const auto simulation = scene.start();
     run(*simulation);
     const double a = 40.0 * M_PI / 180.0;
@@ -235,16 +235,16 @@ TEST(JoinedSimulation, what_joints_cannot_hold_is_refused_by_its_key)
         EXPECT_TRUE(contains(scene.refusal(), what)) << scene.refusal();
     };
     told(R"(, "law": "regions")", "", "skeleton.law: regions are blended");
-    told(R"(, "contact": [{"plane": [0, 1, 0, -3]}])", "",
-         "skeleton.contact: flesh that");
+    told(R"(, "obstacles": [{"plane": [0, 1, 0, -3]}])", "",
+         "skeleton.obstacles: flesh that");
     told(R"(, "held": [{"at": [3, 0.1, 0.1], "normal": [0, 1, 0]}])", "",
          "skeleton.held: flesh that is joined");
     told(R"(, "detail": 0.01, "held": [{"at": [3, 0, 0]}])", "",
          "skeleton.held: points of flesh that is joined");
     told(R"(, "settle": true)", "", "skeleton.settle: what is joined to the flesh");
-    told("", "flesh 4 3 0", "joints[0]: the point (4, 3, 0) of the flesh");
-    told("", "flesh 4 3", "joints[0].a: names no place");
-    told("", "flesh 4 3 x", "joints[0].a: what follows");
+    told("", "flesh 4 3 0", "connections[0]: the point (4, 3, 0) of the flesh");
+    told("", "flesh 4 3", "connections[0].a: names no place");
+    told("", "flesh 4 3 x", "connections[0].a: what follows");
     Scene frame;
     frame.rods.replace(frame.rods.find("\"a\":"), 4, R"("what": ["frame"], "a":)");
     EXPECT_TRUE(contains(frame.refusal(), "a point of flesh has no frame"));
@@ -257,10 +257,10 @@ TEST(JoinedSimulation, what_joints_cannot_hold_is_refused_by_its_key)
     carries.rods = R"("rods": [{"name": "r", "through": [[0, 0, 0], [1, 0, 0]],
                        "carries": true}])";
     EXPECT_TRUE(contains(carries.refusal(), "rods[0].carries: the model is flesh"));
-    EXPECT_THROW(parse_rod_scene("s.json", R"({"cellwarp": 1, "bodies": [{"name": "b",
+    EXPECT_THROW(parse_scene("s.json", R"({"cellwarp": 1, "bodies": [{"name": "b",
         "mass": 1, "inertia": [1, 1, 1], "at": [0, 0, 0]}], "rods": [{"name": "r",
         "through": [[0, 0, 0], [1, 0, 0]]}],
-        "joints": [{"a": "flesh 0 0 0", "b": "body b 0 0 0"}], "simulate": {}})"),
+        "connections": [{"a": "flesh 0 0 0", "b": "body b 0 0 0"}], "simulate": {}})"),
                  Error);
 }
 
