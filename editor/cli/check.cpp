@@ -10,13 +10,13 @@
 #include "editor/cli/command.h"
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_flags.h"
+#include "editor/cli/simulation_json.h"
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
 #include "io/scene/scene_file.h"
 #include "library/session/body.h"
 #include "library/session/json.h"
 #include "library/session/session_json.h"
-#include "library/time/in_time.h"
 #include "octree/self_intersections.h"
 
 namespace cellwarp::core
@@ -26,23 +26,23 @@ namespace
 {
 
 /// A scene of nothing but rods in time: what simulate would begin with.
-int check_rods(const SessionFlags& flags, const SceneFile& scene, const RodFacts& rods,
-               const CommonFlags& common)
+int check_objects(const SessionFlags& flags, const SceneFile& scene,
+                  const std::vector<std::string>& warnings, const CommonFlags& common)
 {
     if (!flags.handles.empty() || !flags.sel.empty() || !flags.def.empty() ||
         flags.script.is_given())
         throw Error(Fault::Usage,
                     at({flags.model, 0, ""}, "is a scene of rods in time: handles and "
                                              "moves are for edits"));
-    print_warnings(rods.warnings, common);
+    print_warnings(warnings, common);
     const std::string text =
         common.is_json
             ? json_text({{"model", scene.model.empty() ? Json() : Json(scene.model)},
-                         {"frames", rods.num_frames},
-                         {"steps", rods.num_steps},
-                         {"rods_in_time", rods.rods},
-                         {"warnings", rods.warnings}})
-            : fmt::format("{}: {}: in order\n", flags.model, rods.text);
+                         {"frames", scene.time.last_frame() + 1},
+                         {"steps", scene.time.num_steps()},
+                         {"rods_in_time", rods_in_time_json(scene)},
+                         {"warnings", warnings}})
+            : fmt::format("{}: {}: in order\n", flags.model, objects_text(scene));
     write_file("-", text, Overwrite::Yes);
     return 0;
 }
@@ -72,9 +72,14 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     if (!scene.unknown_keys.empty())
         throw Error(Fault::Malformed,
                     fmt::format("{}", fmt::join(scene.unknown_keys, "\n")));
-    const std::optional<RodFacts> rods = facts_of_rods(scene);
-    if (rods && rods->are_all)
-        return check_rods(flags, scene, *rods, common);
+    const bool has_objects = scene.has_moving_objects();
+    if (has_objects && !scene.has_flesh())
+    {
+        const std::vector<std::string> warnings =
+            Simulation(read_simulation(scene)).warnings();
+        if (scene.model.empty() || scene.time.carries())
+            return check_objects(flags, scene, warnings, common);
+    }
     SessionRequest request =
         read_request(flags, scene.has_flesh() ? ForTime::Yes : ForTime::No, scene);
     const auto geometry = std::make_shared<const Geometry>(
@@ -110,19 +115,20 @@ int run(const SessionFlags& flags, const CommonFlags& common)
         parts = system->rest().parts;
     std::string text;
     if (common.is_json)
-        text = json_text({{"model", request.scene.model},
-                          {"samples", samples},
-                          {"cells", cells},
-                          {"regions", regions},
-                          {"frames", num_frames},
-                          {"self_intersections",
-                           intersections ? Json{{"rest", intersections->all}} : Json()},
-                          {"parts", parts_json(parts)},
-                          {"rods", rods_json(session.rods())},
-                          {"rods_in_time", rods ? rods->rods : Json::array()},
-                          {"skeleton", skeleton_json(session)},
-                          {"flesh", flesh ? flesh->json : Json()},
-                          {"warnings", warnings}});
+        text = json_text(
+            {{"model", request.scene.model},
+             {"samples", samples},
+             {"cells", cells},
+             {"regions", regions},
+             {"frames", num_frames},
+             {"self_intersections",
+              intersections ? Json{{"rest", intersections->all}} : Json()},
+             {"parts", parts_json(parts)},
+             {"rods", rods_json(session.rods())},
+             {"rods_in_time", has_objects ? rods_in_time_json(scene) : Json::array()},
+             {"skeleton", skeleton_json(session)},
+             {"flesh", flesh ? flesh->json : Json()},
+             {"warnings", warnings}});
     else
         text = fmt::format("{}: {} samples, {} cells, {} regions, {} frames: in order\n",
                            flags.model, samples, cells, regions, num_frames) +
@@ -131,8 +137,8 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                                   intersections->all)
                     : "") +
                parts_text(parts) + rods_text(session.rods()) +
-               (rods ? "in time: " + rods->text + "\n" : "") + skeleton_text(session) +
-               (flesh ? flesh->text : "");
+               (has_objects ? "in time: " + objects_text(scene) + "\n" : "") +
+               skeleton_text(session) + (flesh ? flesh->text : "");
     write_file("-", text, Overwrite::Yes);
     return 0;
 }

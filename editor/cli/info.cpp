@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/simulation_json.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
@@ -21,7 +22,6 @@
 #include "library/session/scene_script.h"
 #include "library/session/session_json.h"
 #include "library/study/sweep.h"
-#include "library/time/in_time.h"
 
 namespace cellwarp::core
 {
@@ -198,7 +198,7 @@ SceneContents contents_of(const std::string& path)
     out.json["regions"] = std::move(regions);
     out.json["joints"] = std::move(joints);
     out.json["frames"] = frames;
-    Json time = scene_in_time(scene);
+    Json time = objects_json(scene);
     out.json["rods_in_time"] = time.is_null() ? Json::array() : time["rods"];
     out.json["time"] = std::move(time);
     return out;

@@ -8,7 +8,6 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "editor/cli/film.h"
 #include "editor/cli/pictures.h"
 #include "editor/cli/session_flags.h"
 #include "io/base/error.h"
@@ -17,6 +16,8 @@
 #include "io/base/text.h"
 #include "io/formats/geometry_file.h"
 #include "library/picture/figures.h"
+#include "library/session/json.h"
+#include "library/time/simulation.h"
 
 namespace cellwarp::core
 {
@@ -90,28 +91,40 @@ std::vector<std::int64_t> spread(std::int64_t last, std::int64_t count)
     return chosen;
 }
 
-std::vector<Figure> figures_of(const Film& film, const RenderFlags& flags)
+/// Figures of a scene in time. \p problems: gets those of all frames up to the last one.
+std::vector<Figure> figures_of(Simulation& simulation, const RenderFlags& flags,
+                               std::vector<std::string>& problems)
 {
+    constexpr int kAround = 24; // corners of a tube
+    // An equilibrium is shown before and after its step.
+    const std::int64_t last = simulation.is_static() ? 1 : simulation.last_frame();
     std::vector<std::int64_t> frames = {0};
     if (flags.strip > 0)
-        frames = spread(film.last, flags.strip);
+        frames = spread(last, flags.strip);
     else if (flags.frame != "rest")
     {
-        frames[0] = number_of(flags.frame).value_or(film.last);
-        if (frames[0] < 0 || frames[0] > film.last)
+        frames[0] = number_of(flags.frame).value_or(last);
+        if (frames[0] < 0 || frames[0] > last)
             throw wrong_flag("--frame",
-                             fmt::format("the scene has frames 0 to {}", film.last));
+                             fmt::format("the scene has frames 0 to {}", last));
     }
     std::vector<Figure> figures;
+    std::int64_t now = 0;
     for (const std::int64_t frame : frames)
     {
-        const FilmFrame seen = film.frame(frame);
-        if (flags.shows_cells && seen.cells.empty())
+        while (now < frame)
+        {
+            simulation.next_frame({}, ++now == frame);
+            const std::vector<std::string> more = simulation.report().problems;
+            problems.insert(problems.end(), more.begin(), more.end());
+        }
+        const ShapesInTime shapes = simulation.shapes(kAround);
+        if (flags.shows_cells && shapes.cells.empty())
             throw wrong_flag("--cells", "rods have none");
-        Figure& figure = figures.emplace_back(figure_of(seen.parts));
-        add_joints(figure, seen.joints);
+        Figure& figure = figures.emplace_back(figure_of(shapes.parts));
+        add_joints(figure, shapes.joints);
         if (flags.shows_cells)
-            add_lattice(figure, seen.cells);
+            add_lattice(figure, shapes.cells);
     }
     return figures;
 }
@@ -171,17 +184,17 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     if (flags.strip > 0 && flags.frame != "rest")
         throw Error(Fault::Usage, "--strip and --frame: one of them");
     std::vector<Figure> figures;
-    std::vector<std::string> warnings;
+    std::vector<std::string> warnings, problems;
     const SceneFile scene = scene_or_model(flags.session.model);
-    const std::optional<Film> film = film_of(scene);
-    if (!flags.focus.empty() && (film || !flags.session.has_session()))
+    if (!flags.focus.empty() && (scene.is_in_time() || !flags.session.has_session()))
         throw Error(Fault::Usage,
                     "--focus needs a region: of a scene, --handles, --fix or "
                     "--handle");
-    if (film)
+    if (scene.is_in_time())
     {
-        figures = figures_of(*film, flags);
-        warnings = film->warnings();
+        Simulation simulation(read_simulation(scene));
+        figures = figures_of(simulation, flags, problems);
+        warnings = simulation.warnings();
     }
     else if (!flags.session.has_session() && !flags.shows_cells)
     {
@@ -224,7 +237,7 @@ int run(const RenderFlags& flags, const CommonFlags& common)
             figure_of(read_geometry(flags.compare, {flags.session.columns}).geometry));
         figures.front().label = left;
     }
-    const bool is_converged = !film || film->is_converged();
+    const bool is_converged = problems.empty();
     if (!is_converged)
         warnings.push_back("a frame did not converge: see cellwarp simulate");
     print_warnings(warnings, common);

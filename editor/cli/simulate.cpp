@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
-#include "editor/cli/film.h"
 #include "editor/cli/output_name.h"
 #include "editor/cli/progress.h"
+#include "editor/cli/simulation_json.h"
 #include "io/base/error.h"
 #include "io/base/number.h"
 #include "io/base/text.h"
@@ -20,7 +20,6 @@
 #include "library/session/json.h"
 #include "library/session/peak_memory.h"
 #include "library/session/sample_normals.h"
-#include "library/time/in_time.h"
 #include "octree/base/clock.h"
 
 namespace cellwarp::core
@@ -35,37 +34,71 @@ constexpr std::int64_t kMostTold = 10;         ///< frames that did not converge
 struct SimulateFlags
 {
     std::string scene, output, rods;
-    InTime::Drawing drawing;
+    bool writes_lines = false; ///< rods, not as tubes
+    int around = 12;           ///< corners of a tube
     bool is_tight = false;
 };
+
+/// The rods' middles as an OBJ of lines. \p unit: of the file [m].
+std::string lines_of(const ObjectSimulation& objects, double unit)
+{
+    std::string text = "# cellwarp simulate\n";
+    std::size_t first = 1;
+    for (const SimulatedRod& rod : objects.rods(kPlacesOfCurve))
+    {
+        text += "o " + rod.name + "\n";
+        for (const Eigen::Vector3d& p : rod.curve)
+            text += fmt::format("v {} {} {}\n", p.x() / unit, p.y() / unit, p.z() / unit);
+        text += "l";
+        for (std::size_t k = 0; k < rod.curve.size(); ++k)
+            text += fmt::format(" {}", first + k);
+        text += "\n";
+        first += rod.curve.size();
+    }
+    return text;
+}
+
+/// Objects as a file of a name.
+std::string objects_file(const std::string& name, const ObjectSimulation& objects,
+                         double unit, const SimulateFlags& flags)
+{
+    if (flags.writes_lines)
+        return lines_of(objects, unit);
+    Geometry surface = objects.surface(flags.around);
+    for (Eigen::Vector3d& x : surface.samples)
+        x /= unit;
+    const std::string extension = extension_of(name);
+    return plain_mesh_bytes(surface, {surface.samples, {}},
+                            extension.empty() ? "obj" : extension);
+}
 
 /// Refuses what cannot be written, before any work is done. \p flag: that names it.
 void check_rods_output(const std::string& output, const char* flag,
                        const SimulateFlags& flags)
 {
-    if (output != "-" &&
-        !(flags.drawing.writes_lines ? extension_of(output) == "obj"
-                                     : is_plain_format(extension_of(output))))
-        throw wrong_flag(flag, "got " + in_quotes(output) +
-                                   (flags.drawing.writes_lines
-                                        ? ", lines are written as .obj"
-                                        : ", rods are written as .obj or .ply"));
+    if (output != "-" && !(flags.writes_lines ? extension_of(output) == "obj"
+                                              : is_plain_format(extension_of(output))))
+        throw wrong_flag(flag,
+                         "got " + in_quotes(output) +
+                             (flags.writes_lines ? ", lines are written as .obj"
+                                                 : ", rods are written as .obj or .ply"));
 }
 
 /// The same for all files of one name.
-void check_files(const OutputName& name, const InTime& in_time, bool is_model,
+void check_files(const OutputName& name, const Simulation& simulation, bool is_model,
                  const CommonFlags& common)
 {
-    const std::int64_t first = name.has_frame() ? 0 : in_time.last_frame();
-    if (in_time.last_frame() - first > kMostFiles)
+    const std::int64_t first = name.has_frame() ? 0 : simulation.last_frame();
+    if (simulation.last_frame() - first > kMostFiles)
         throw Error(Fault::Usage,
                     fmt::format("{} files of frames are more than {}: raise "
                                 "simulate.every, or write one file that "
                                 "moves",
-                                in_time.last_frame() - first, kMostFiles));
-    for (std::int64_t frame = first; frame <= in_time.last_frame(); ++frame)
+                                simulation.last_frame() - first, kMostFiles));
+    for (std::int64_t frame = first; frame <= simulation.last_frame(); ++frame)
         if (is_model)
-            check_geometry_output(name.of(frame), *in_time.model(), common.overwrite());
+            check_geometry_output(name.of(frame), *simulation.model(),
+                                  common.overwrite());
         else
             check_output(name.of(frame), common.overwrite());
 }
@@ -80,20 +113,20 @@ void check_flags(const SimulateFlags& flags, const CommonFlags& common)
 }
 
 /// Whether all frames of the model go into one file.
-bool is_animation(const SimulateFlags& flags, const InTime& in_time)
+bool is_animation(const SimulateFlags& flags, const Simulation& simulation)
 {
-    return in_time.model() && !in_time.is_static() &&
+    return simulation.model() && !simulation.is_static() &&
            is_animation_format(extension_of(flags.output),
-                               in_time.model()->geometry.format,
-                               in_time.model()->geometry.not_writable.empty() &&
-                                   !is_skinned(in_time.model()->geometry));
+                               simulation.model()->geometry.format,
+                               simulation.model()->geometry.not_writable.empty() &&
+                                   !is_skinned(simulation.model()->geometry));
 }
 
-void check_model_output(const SimulateFlags& flags, const InTime& in_time,
+void check_model_output(const SimulateFlags& flags, const Simulation& simulation,
                         const CommonFlags& common)
 {
     const OutputName name(flags.output);
-    if (is_animation(flags, in_time))
+    if (is_animation(flags, simulation))
     {
         if (name.has_frame())
             throw wrong_flag("--output", "got " + in_quotes(flags.output) +
@@ -102,47 +135,47 @@ void check_model_output(const SimulateFlags& flags, const InTime& in_time,
         check_output(flags.output, common.overwrite());
         return;
     }
-    const GeometryFile& model = *in_time.model();
+    const GeometryFile& model = *simulation.model();
     if (flags.output != "-")
         check_output_format(name.of(0), extension_of(model.path));
     if (!model.geometry.not_writable.empty() && is_geometry_format(model.geometry.format))
         throw malformed({model.path, 0, ""},
                         "cannot be written: " + model.geometry.not_writable);
-    check_files(name, in_time, true, common);
+    check_files(name, simulation, true, common);
 }
 
-void check_outputs(const SimulateFlags& flags, const InTime& in_time,
+void check_outputs(const SimulateFlags& flags, const Simulation& simulation,
                    const CommonFlags& common)
 {
-    const bool has_model = in_time.model() != nullptr;
+    const bool has_model = simulation.model() != nullptr;
     if (!has_model && !flags.rods.empty())
         throw wrong_flag("--rods",
                          "without a model that they carry, rods are written by -o");
-    if (!flags.rods.empty() && !in_time.bytes_of_rods("x.obj", 1.0, {}))
+    if (!flags.rods.empty() && !simulation.objects())
         throw wrong_flag("--rods", "the scene has no rods");
     const std::string& rods = has_model ? flags.rods : flags.output;
     if (!rods.empty())
     {
         check_rods_output(rods, has_model ? "--rods" : "--output", flags);
         if (rods != "-")
-            check_files(OutputName(rods), in_time, false, common);
+            check_files(OutputName(rods), simulation, false, common);
     }
     if (has_model && !flags.output.empty())
-        check_model_output(flags, in_time, common);
+        check_model_output(flags, simulation, common);
 }
 
 /// What went on, frame by frame.
 class Record
 {
 public:
-    void add(std::int64_t frame, InTime& in_time, bool is_told)
+    void add(std::int64_t frame, Simulation& simulation, bool is_told)
     {
-        InTime::Told told = in_time.tell(frame, is_told);
-        for (const std::string& problem : told.problems)
+        const SimulationReport report = simulation.report();
+        for (const std::string& problem : report.problems)
             if (++num_stopped_ <= kMostTold)
                 warnings_.push_back(fmt::format("frame {}, {}", frame, problem));
         if (is_told)
-            frames_.push_back(std::move(told.json));
+            frames_.push_back(moment_json(frame, report, simulation));
     }
     bool is_converged() const { return num_stopped_ == 0; }
     Json take_frames() { return std::move(frames_); }
@@ -165,18 +198,19 @@ private:
 class Outputs
 {
 public:
-    Outputs(const SimulateFlags& flags, const CommonFlags& common, const InTime& in_time)
+    Outputs(const SimulateFlags& flags, const CommonFlags& common,
+            const Simulation& simulation)
         : flags_(flags), common_(common), name_(flags.output), rods_(flags.rods),
           set_(common.overwrite())
     {
-        if (!is_animation(flags, in_time))
+        if (!is_animation(flags, simulation))
             return;
         std::vector<double> times;
-        for (std::int64_t frame = 0; frame <= in_time.last_frame(); ++frame)
-            times.push_back(in_time.time_of(frame));
-        const Geometry& geometry = in_time.model()->geometry;
+        for (std::int64_t frame = 0; frame <= simulation.last_frame(); ++frame)
+            times.push_back(simulation.time().time_of(frame));
+        const Geometry& geometry = simulation.model()->geometry;
         const std::vector<TextureCoordinate> texture =
-            texture_coordinates(*in_time.model());
+            texture_coordinates(*simulation.model());
         animation_.emplace(flags.output, set_, geometry, std::move(times),
                            normals_to_write(flags.output, geometry), texture);
         if (std::string note = left_out_note(flags.output, geometry, !texture.empty());
@@ -189,28 +223,27 @@ public:
     {
         return animation_ || is_wanted(name_, flags_.output, is_last);
     }
-    void write(std::int64_t frame, const InTime& in_time)
+    void write(std::int64_t frame, Simulation& simulation)
     {
-        const bool is_last = frame == in_time.last_frame();
-        const bool has_model = in_time.model() != nullptr;
+        const bool is_last = frame == simulation.last_frame();
+        const bool has_model = simulation.model() != nullptr;
         OutputSet frames(common_.overwrite());
         const auto set_of = [&](const OutputName& name) -> OutputSet&
         { return name.has_frame() ? frames : set_; };
         if (animation_)
         {
-            animation_->add(in_time.deformed().samples);
+            animation_->add(simulation.deformed().samples);
             if (is_last)
                 animation_->finish();
         }
         else if (has_model && is_wanted(name_, flags_.output, is_last))
-            write_geometry(name_.of(frame), *in_time.model(), in_time.deformed(),
+            write_geometry(name_.of(frame), *simulation.model(), simulation.deformed(),
                            set_of(name_));
         const OutputName& of_rods = has_model ? rods_ : name_;
         if (is_wanted(of_rods, has_model ? flags_.rods : flags_.output, is_last))
             set_of(of_rods).write(of_rods.of(frame),
-                                  *in_time.bytes_of_rods(of_rods.of(frame),
-                                                         has_model ? in_time.unit() : 1.0,
-                                                         flags_.drawing));
+                                  objects_file(of_rods.of(frame), *simulation.objects(),
+                                               simulation.unit(), flags_));
         frames.commit();
         if (is_last)
             set_.finish();
@@ -241,20 +274,20 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     check_flags(flags, common);
     Progress progress(common);
     double share = 0.0; ///< of the steps that is done
-    InTimeOptions options;
-    options.is_tight = flags.is_tight;
-    options.watch = [&](const FrameProgress& now) {
+    const SceneFile scene = scene_or_model(flags.scene);
+    if (!scene.is_in_time())
+        throw malformed({flags.scene, 0, scene.is_simulated ? "rods" : "simulate"},
+                        "is missing: there is nothing to simulate");
+    SimulationInput input = read_simulation(scene);
+    input.is_tight = flags.is_tight;
+    input.settings.watch = [&](const FrameProgress& now) {
         progress.show(share,
                       fmt::format("cells of frame {}, {}", now.frame, now.iteration));
     };
-    const SceneFile scene = scene_or_model(flags.scene);
-    const std::unique_ptr<InTime> in_time = open_in_time(scene, options);
-    if (!in_time)
-        throw malformed({flags.scene, 0, scene.is_simulated ? "rods" : "simulate"},
-                        "is missing: there is nothing to simulate");
-    check_outputs(flags, *in_time, common);
-    Outputs outputs(flags, common, *in_time);
-    const std::int64_t steps = in_time->num_steps();
+    Simulation simulation(std::move(input));
+    check_outputs(flags, simulation, common);
+    Outputs outputs(flags, common, simulation);
+    const std::int64_t steps = simulation.num_steps();
     const double load_ms = ms_since(start);
 
     Record record;
@@ -262,28 +295,29 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     const Clock::time_point begin = Clock::now();
     const auto end_frame = [&](std::int64_t frame)
     {
-        record.add(frame, *in_time, common.is_json);
+        record.add(frame, simulation, common.is_json);
         const Clock::time_point write_start = Clock::now();
-        outputs.write(frame, *in_time);
+        outputs.write(frame, simulation);
         write_ms += ms_since(write_start);
     };
     const auto show = [&]
     {
-        const std::int64_t done = in_time->steps_done();
+        const std::int64_t done = simulation.steps_done();
         share = static_cast<double>(done) / static_cast<double>(steps);
         progress.show(share, fmt::format("step {} of {}", done, steps));
     };
-    if (!in_time->is_static())
+    if (!simulation.is_static())
         end_frame(0);
-    for (std::int64_t frame = in_time->is_static() ? 0 : 1;
-         frame <= in_time->last_frame(); ++frame)
+    for (std::int64_t frame = simulation.is_static() ? 0 : 1;
+         frame <= simulation.last_frame(); ++frame)
     {
-        in_time->next_frame(show, outputs.want_samples(frame == in_time->last_frame()));
+        simulation.next_frame(show,
+                              outputs.want_samples(frame == simulation.last_frame()));
         end_frame(frame);
     }
     progress.end();
     const double simulate_ms = ms_since(begin) - write_ms;
-    std::vector<std::string> warnings = in_time->warnings();
+    std::vector<std::string> warnings = simulation.warnings();
     for (const std::vector<std::string>& more : {outputs.warnings(), record.warnings()})
         warnings.insert(warnings.end(), more.begin(), more.end());
     print_warnings(warnings, common);
@@ -292,13 +326,13 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     {
         Json json = Json::object();
         json["frames"] = record.take_frames();
-        json["steps"] = in_time->steps_done();
+        json["steps"] = simulation.steps_done();
         json["ms"] = {{"load", load_ms},
                       {"simulate", simulate_ms},
                       {"write", write_ms},
                       {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_memory_mb();
-        in_time->add_to(json);
+        add_summary(simulation, json);
         json["warnings"] = warnings;
         text = json_text(json);
     }
@@ -307,29 +341,6 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
 }
 
 } // namespace
-
-std::optional<Film> film_of(const SceneFile& scene)
-{
-    const std::shared_ptr<InTime> in_time = open_in_time(scene);
-    if (!in_time)
-        return std::nullopt;
-    const auto frame = std::make_shared<std::int64_t>(0);
-    const auto is_converged = std::make_shared<bool>(true);
-    const auto draw = [=](std::int64_t wanted)
-    {
-        constexpr int kAround = 24;
-        while (*frame < wanted)
-        {
-            ++*frame;
-            in_time->next_frame({}, *frame == wanted);
-            *is_converged &= in_time->tell(*frame, false).problems.empty();
-        }
-        return in_time->seen(kAround);
-    };
-    // An equilibrium is seen after its rest.
-    return Film{in_time->is_static() ? 1 : in_time->last_frame(), draw,
-                [=] { return *is_converged; }, [=] { return in_time->warnings(); }};
-}
 
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
 {
@@ -350,11 +361,9 @@ void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
     command->add_option(
         "--rods", flags->rods,
         "rods beside the model that they carry, in its unit (.obj, .ply)");
-    command->add_flag("--lines", flags->drawing.writes_lines,
+    command->add_flag("--lines", flags->writes_lines,
                       "rods as lines along their middle, not as tubes");
-    command
-        ->add_option("--around", flags->drawing.around,
-                     "corners around a tube (default 12)")
+    command->add_option("--around", flags->around, "corners around a tube (default 12)")
         ->check(CLI::Range(3, 1000));
     command->add_flag("--tight", flags->is_tight,
                       "flesh: linear systems to 1e-10 instead of 1e-3");

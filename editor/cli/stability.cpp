@@ -18,7 +18,7 @@
 #include "io/formats/geometry_file.h"
 #include "library/session/session.h"
 #include "library/session/session_request.h"
-#include "library/time/in_time.h"
+#include "library/time/simulation.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 
@@ -144,35 +144,32 @@ Result play(const SceneFile& scene, StabilityRow& row)
 }
 
 /// Runs a scene in time to its end.
-Result follow(InTime& scene, const StabilityCase& of, StabilityRow& row)
+Result follow(const SceneFile& scene, const StabilityCase& of, StabilityRow& row)
 {
+    Simulation simulation(read_simulation(scene));
     Result result;
     row.outcome = stop_name(Stop::Converged);
     row.iterations = 0;
     row.violation = 0.0;
     double first = 0.0, highest = -INFINITY, size = 0.0;
-    for (std::int64_t frame = 0; frame <= scene.last_frame(); ++frame)
+    for (std::int64_t frame = 0; frame <= simulation.last_frame(); ++frame)
     {
         if (frame > 0)
-            scene.next_frame([] {}, false);
-        const Json told = scene.tell(frame, true).json;
-        const double kinetic = told["energy"]["kinetic"].get<double>(),
-                     elastic = told["energy"]["elastic"].get<double>(),
-                     gravity = told["energy"]["gravity"].get<double>();
-        const double all = kinetic + elastic + gravity;
+            simulation.next_frame({}, false);
+        const SimulationReport report = simulation.report();
+        const double all = report.kinetic + report.elastic + report.gravity;
         if (frame == 0)
             first = all;
         highest = std::max(highest, all);
-        size = std::max({size, kinetic, elastic, std::abs(all - first)});
+        size = std::max({size, report.kinetic, report.elastic, std::abs(all - first)});
         // The first frame is as the scene has it: what is off there is brought to place.
         if (frame > 0)
-            row.violation = std::max(*row.violation, told["constraint"].get<double>());
-        *row.iterations += told["iterations"].get<std::int64_t>();
-        if (const std::string stop = told["stop"].get<std::string>();
-            stop != stop_name(Stop::Converged))
-            row.outcome = stop;
-        result.numbers.insert(result.numbers.end(),
-                              {kinetic, elastic, gravity, *row.violation});
+            row.violation = std::max(*row.violation, report.violation);
+        *row.iterations += report.iterations;
+        if (report.stop != stop_name(Stop::Converged))
+            row.outcome = report.stop;
+        result.numbers.insert(result.numbers.end(), {report.kinetic, report.elastic,
+                                                     report.gravity, *row.violation});
     }
     if (of.is_left_alone)
         row.growth = size > 0.0 ? (highest - first) / size : 0.0;
@@ -214,8 +211,7 @@ double digits_lost(const StabilityCase& of, const std::vector<Eigen::Vector3d>& 
 Result run_once(const StabilityCase& of, StabilityRow& row)
 {
     const SceneFile scene = read_scene(of.path);
-    const std::unique_ptr<InTime> in_time = open_in_time(scene);
-    return in_time ? follow(*in_time, of, row) : play(scene, row);
+    return scene.is_in_time() ? follow(scene, of, row) : play(scene, row);
 }
 
 StabilityRow run_case(const StabilityCase& of, std::map<std::string, Result>& results)

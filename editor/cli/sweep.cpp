@@ -23,7 +23,6 @@
 #include "io/base/number.h"
 #include "io/base/text.h"
 #include "library/session/json.h"
-#include "library/time/in_time.h"
 #include "octree/base/helper.h"
 
 namespace cellwarp::core

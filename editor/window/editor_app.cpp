@@ -8,7 +8,7 @@
 #include <new>
 #include <utility>
 
-#include "editor/window/film_source.h"
+#include "editor/window/film.h"
 #include "io/base/error.h"
 #include "octree/base/clock.h"
 
@@ -371,7 +371,7 @@ bool EditorApp::can_live() const
     if (!opened_)
         return false;
     const SceneFile& scene = std::as_const(opened_->editing).document().scene();
-    return scene.in_time() == TimeScene::Flesh;
+    return scene.has_flesh() && !scene.time.has_objects();
 }
 
 void EditorApp::live()

@@ -11,8 +11,9 @@
 
 #include <fmt/format.h>
 
-#include "editor/window/film_source.h"
 #include "io/base/error.h"
+#include "library/session/memory_limit.h"
+#include "library/session/scene_settings.h"
 #include "octree/base/index.h"
 #include "octree/base/stop_scope.h"
 
@@ -40,7 +41,34 @@ double bytes_of(const DeformedSamples& deformed)
                                4 * deformed.rotations.size());
 }
 
+/// Skeleton and rods as lines.
+std::vector<ShownLine> lines_of(const Simulation& simulation, const WorkFrame& view)
+{
+    constexpr int kPlaces = 65; // of a rod
+    std::vector<ShownLine> lines;
+    if (simulation.flesh())
+        lines = shown_joints(simulation.flesh()->joints(), view);
+    if (!simulation.objects())
+        return lines;
+    for (const SimulatedRod& rod : simulation.objects()->rods(kPlaces))
+    {
+        ShownLine& line = lines.emplace_back();
+        line.name = rod.name;
+        for (const Eigen::Vector3d& place : rod.curve)
+            line.places.push_back(view.to_work(place / simulation.unit()));
+    }
+    return lines;
+}
+
 } // namespace
+
+SimulationInput played_input(std::shared_ptr<const GeometryFile> model,
+                             const HandleFile& handles, const SceneFile& scene)
+{
+    SimulationInput input{scene, std::move(model), handles, settings_of(scene)};
+    input.settings.cells.max_memory = default_memory_limit();
+    return input;
+}
 
 struct Film::State
 {
@@ -68,17 +96,16 @@ struct Film::State
 
     void make()
     {
-        const std::unique_ptr<FilmSource> source =
-            scene.in_time() == TimeScene::FleshAndRods
-                ? film_of_joined({model, handles, scene})
-            : scene.has_flesh() ? film_of_flesh({model, handles, scene})
-                                : film_of_rods({model, handles, scene});
+        Simulation simulation(played_input(model, handles, scene));
+        // An equilibrium has the start, and its rest.
+        const std::int64_t last_frame =
+            simulation.is_static() ? 1 : simulation.last_frame();
         std::shared_ptr<const ShapeLayout> own_layout = layout_of(model->geometry);
         double bytes = 0.0;
         const auto add = [&]
         {
-            MadeFrame made{std::make_shared<const DeformedSamples>(source->deformed()),
-                           source->lines(view)};
+            MadeFrame made{std::make_shared<const DeformedSamples>(simulation.deformed()),
+                           lines_of(simulation, view)};
             bytes += bytes_of(*made.deformed);
             tell([&] { frames.push_back(std::move(made)); });
         };
@@ -86,11 +113,12 @@ struct Film::State
             [&]
             {
                 layout = std::move(own_layout);
-                last = source->last();
-                seconds = source->seconds_a_frame();
+                last = last_frame;
+                seconds = simulation.time().dt *
+                          static_cast<double>(simulation.time().steps_a_frame());
             });
         add();
-        for (std::int64_t frame = 1; frame <= source->last(); ++frame)
+        for (std::int64_t frame = 1; frame <= last_frame; ++frame)
         {
             check_stop();
             if (bytes > kMostBytes)
@@ -98,14 +126,12 @@ struct Film::State
                             fmt::format("frames 0 to {} are all that fit in {:.0f} GB: "
                                         "the others are for cellwarp simulate",
                                         frame - 1, 1e-9 * kMostBytes));
-            const std::string problem = source->next();
+            simulation.next_frame();
+            const std::vector<std::string> problems = simulation.report().problems;
             check_stop();
-            if (!problem.empty())
-                tell(
-                    [&] {
-                        error =
-                            fmt::format("frame {} did not converge ({})", frame, problem);
-                    });
+            if (!problems.empty())
+                tell([&]
+                     { error = fmt::format("frame {}, {}", frame, problems.front()); });
             add();
         }
     }

@@ -8,9 +8,14 @@
 #include <string>
 
 #include "editor/document/editing.h"
+#include "library/time/simulation.h"
 
 namespace cellwarp::core
 {
+
+/// What is played of a document's values, with the memory that the machine has.
+SimulationInput played_input(std::shared_ptr<const GeometryFile> model,
+                             const HandleFile& handles, const SceneFile& scene);
 
 class Film
 {

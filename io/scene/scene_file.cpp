@@ -133,14 +133,6 @@ std::string pointer_of(const std::string& key)
 
 } // namespace
 
-TimeScene SceneFile::in_time() const
-{
-    if (has_flesh())
-        return time.has_objects() ? TimeScene::FleshAndRods : TimeScene::Flesh;
-    return time.has_objects() && (is_simulated || model.empty()) ? TimeScene::Rods
-                                                                 : TimeScene::None;
-}
-
 SceneFile parse_scene(const std::string& path, const std::string& text)
 {
     SceneFile scene;

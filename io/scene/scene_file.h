@@ -24,15 +24,6 @@ struct FrameBox
     std::array<double, 3> size{};                ///< [model unit]; >= 0
 };
 
-/// What moves in time in a scene.
-enum class TimeScene
-{
-    None,
-    Rods,  ///< or bodies, nets, sheets
-    Flesh, ///< around a skeleton
-    FleshAndRods
-};
-
 /// All that a scene says; what it leaves out stays empty.
 struct SceneFile
 {
@@ -52,9 +43,14 @@ struct SceneFile
     std::vector<std::string> file_keys;
     std::string text; ///< as it was read, with what the rest leaves out
 
-    TimeScene in_time() const;
     /// Whether flesh follows the skeleton in time.
     bool has_flesh() const { return skeleton && is_simulated; }
+    /// Whether rods, bodies, nets or sheets move in time.
+    bool has_moving_objects() const
+    {
+        return time.has_objects() && (is_simulated || model.empty());
+    }
+    bool is_in_time() const { return has_flesh() || has_moving_objects(); }
 };
 
 /// Throws Fault::File or Fault::Malformed with the line of a syntax error or the

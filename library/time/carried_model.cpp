@@ -73,7 +73,7 @@ private:
 };
 
 /// A frame for each of the simulation's, with the moves of those that stand in the file.
-HandleFile in_time(HandleFile handles, const Simulation& simulation)
+HandleFile in_time(HandleFile handles, const ObjectSimulation& simulation)
 {
     if (handles.stages.size() > 1)
         throw malformed({handles.path, 0, "commit"},
@@ -105,7 +105,7 @@ HandleFile in_time(HandleFile handles, const Simulation& simulation)
 } // namespace
 
 std::vector<std::shared_ptr<const CarriedModel::Start>>
-CarriedModel::starts_of(const Simulation& simulation, double unit)
+CarriedModel::starts_of(const ObjectSimulation& simulation, double unit)
 {
     std::vector<std::shared_ptr<const Start>> starts;
     for (const RodPart* const rod : simulation.carriers())
@@ -115,7 +115,7 @@ CarriedModel::starts_of(const Simulation& simulation, double unit)
 }
 
 SessionSettings
-CarriedModel::with_rods(SessionSettings settings, const Simulation& simulation,
+CarriedModel::with_rods(SessionSettings settings, const ObjectSimulation& simulation,
                         const std::vector<std::shared_ptr<const Start>>& starts)
 {
     const std::vector<const RodPart*> carriers = simulation.carriers();
@@ -137,7 +137,7 @@ CarriedModel::with_rods(SessionSettings settings, const Simulation& simulation,
 
 CarriedModel::CarriedModel(std::shared_ptr<const Geometry> geometry, HandleFile handles,
                            SessionSettings settings, double unit,
-                           const Simulation& simulation)
+                           const ObjectSimulation& simulation)
     : starts_(starts_of(simulation, unit)),
       session_(std::move(geometry), in_time(std::move(handles), simulation),
                with_rods(std::move(settings), simulation, starts_))
@@ -146,7 +146,7 @@ CarriedModel::CarriedModel(std::shared_ptr<const Geometry> geometry, HandleFile 
 
 CarriedModel::~CarriedModel() = default;
 
-void CarriedModel::follow(const Simulation& simulation, bool wants_samples)
+void CarriedModel::follow(const ObjectSimulation& simulation, bool wants_samples)
 {
     const WorkFrame& frame = session_.system()->rest().frame;
     const std::vector<const RodPart*> carriers = simulation.carriers();

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "library/session/session.h"
-#include "library/time/simulation.h"
+#include "library/time/object_simulation.h"
 
 namespace cellwarp::core
 {
@@ -21,19 +21,20 @@ public:
     /// frames of the same number. Throws Fault::Malformed for others and for commits, and
     /// what Session throws.
     CarriedModel(std::shared_ptr<const Geometry> geometry, HandleFile handles,
-                 SessionSettings settings, double unit, const Simulation& simulation);
+                 SessionSettings settings, double unit,
+                 const ObjectSimulation& simulation);
     ~CarriedModel();
 
     /// The next frame: to where the rods of the same simulation are now. Throws what
     /// Session::next_frame() throws.
-    void follow(const Simulation& simulation, bool wants_samples);
+    void follow(const ObjectSimulation& simulation, bool wants_samples);
     const Session& session() const { return session_; }
 
 private:
     struct Start;
-    static std::vector<std::shared_ptr<const Start>> starts_of(const Simulation&,
+    static std::vector<std::shared_ptr<const Start>> starts_of(const ObjectSimulation&,
                                                                double unit);
-    static SessionSettings with_rods(SessionSettings settings, const Simulation&,
+    static SessionSettings with_rods(SessionSettings settings, const ObjectSimulation&,
                                      const std::vector<std::shared_ptr<const Start>>&);
 
     std::vector<std::shared_ptr<const Start>> starts_; ///< of the carriers

@@ -45,6 +45,13 @@ constexpr double kNearRest = 1e-3, kAtRest = 1e-7;
 /// What a hand pulls goes this share of its way in a step: its force stays small.
 constexpr double kPullOfStep = 0.2;
 
+SimulationReport nothing_yet()
+{
+    SimulationReport report;
+    report.flesh.emplace();
+    return report;
+}
+
 } // namespace
 
 FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
@@ -57,7 +64,8 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
                            scene.skeleton->flesh.obstacles.empty())),
       skeleton_(played_skeleton(scene, handles, *geometry_)),
       model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
-      body_(build_flesh(model_)), settles_(settles(body_)), warnings_(skeleton_.warnings)
+      body_(build_flesh(model_)), settles_(settles(body_)), warnings_(skeleton_.warnings),
+      since_(nothing_yet())
 {
     model_ = body_.model;
     warnings_.insert(warnings_.end(), model_->warnings.begin(), model_->warnings.end());
@@ -253,9 +261,9 @@ void FleshSimulation::begin()
         const FleshReport report =
             body_.flesh->settle(snapshot_.state, motions_between(begin, pose, share, 0.0),
                                 weighs, {obstacles, pulled}, at_rest);
-        since_.systems += report.systems;
-        since_.cg_steps += report.cg_steps;
-        since_.factors += report.factors;
+        since_.iterations += report.systems;
+        since_.flesh->cg_steps += report.cg_steps;
+        since_.flesh->factors += report.factors;
         return report.is_converged;
     };
     if (turn > 0.0 || way > 0.0)
@@ -337,16 +345,16 @@ void FleshSimulation::take_step(FleshState state, const FleshReport& report, dou
         detail.now = motions_at(snapshot_.steps);
         detail.now.resize(body_.first_own_motion());
     }
-    since_.limited =
+    since_.flesh->limited =
         aim_at(static_cast<double>(snapshot_.steps) * time_.dt, snapshot_.by_hand)
             .limited;
-    since_.systems += report.systems;
-    since_.factors += report.factors;
-    since_.contacts = report.contacts.count;
-    since_.support = report.contacts.force;
-    since_.pull = report.contacts.pull;
-    since_.cg_steps += report.cg_steps;
-    since_.step_ms += ms;
+    since_.iterations += report.systems;
+    since_.flesh->factors += report.factors;
+    since_.flesh->contacts = report.contacts.count;
+    since_.flesh->support = report.contacts.force;
+    since_.flesh->pull = report.contacts.pull;
+    since_.flesh->cg_steps += report.cg_steps;
+    since_.flesh->step_ms += ms;
     is_finite_ = report.is_finite;
     const auto every =
         static_cast<std::int64_t>(std::ceil(kDetailEvery / time_.dt - 0.5));
@@ -399,8 +407,8 @@ bool FleshSimulation::look_for_detail()
     look.most_cells = model_->cells.max_cells;
     FleshDetail next = snapshot_.detail;
     const DetailChange change = change_detail(body_, look, next);
-    since_.split += change.split;
-    since_.merged += change.merged;
+    since_.flesh->split += change.split;
+    since_.flesh->merged += change.merged;
     if (change.is_full && !std::exchange(has_told_of_most_, true))
         warnings_.push_back(at({model_->scene.path, 0, "skeleton.detail"},
                                "is not added any more: there would be more than "
@@ -424,7 +432,7 @@ bool FleshSimulation::look_for_detail()
     snapshot_.detail = std::move(next);
     body_ = std::move(body);
     smooth_.reset();
-    since_.detail_ms += ms_since(start);
+    since_.flesh->detail_ms += ms_since(start);
     return true;
 }
 
@@ -506,38 +514,42 @@ void FleshSimulation::next_frame(const std::function<void()>& watch)
     } while (steps_done() < num_steps() && steps_done() % steps_a_frame() != 0);
 }
 
-FleshFrame FleshSimulation::report()
+SimulationReport FleshSimulation::report()
 {
-    FleshFrame out = std::exchange(since_, {});
+    SimulationReport out = std::exchange(since_, nothing_yet());
+    FleshMeasures& flesh = *out.flesh;
     out.time = static_cast<double>(steps_done()) * time_.dt;
     const std::vector<Motion> motions = motions_now();
     const FleshState& state = snapshot_.state;
     // Heights count from the model's own origin.
     const Vector3d origin = model_->to_metres(Vector3d::Zero());
     const Flesh::Energies energies = body_.flesh->energies(state, motions, origin);
-    out.kinetic = energies.kinetic;
-    out.elastic = energies.elastic + energies.tube;
+    out.kinetic = flesh.kinetic = energies.kinetic;
+    out.elastic = flesh.elastic = energies.elastic + energies.tube;
     out.gravity = energies.gravity;
     const Vector3d momentum = body_.flesh->momentum(state);
     const Matrix3d to_model = model_->frame.axes.transpose();
-    out.support = to_model * out.support;
-    out.pull = to_model * out.pull;
+    flesh.support = to_model * flesh.support;
+    flesh.pull = to_model * flesh.pull;
     out.momentum = to_model * momentum;
     out.angular_momentum =
         to_model * (body_.flesh->angular_momentum(state) - origin.cross(momentum));
-    out.miss = body_.flesh->largest_miss(state, motions);
+    out.violation = body_.flesh->largest_miss(state, motions);
     // Points that are on their way are off their bones, which is where they should be.
     const std::vector<int>& dropped = body_.flesh->nodes().dropped;
     for (std::size_t k = body_.leaving.nodes.size(); k < body_.own_motions.size(); ++k)
         if (!std::binary_search(dropped.begin(), dropped.end(), static_cast<int>(k)))
         {
             const FleshBody::OwnMotion& of = body_.own_motions[k];
-            out.miss = std::max(out.miss, (at_point(of.shares, state.u) + of.place -
-                                           motions[idx(of.follows)](of.place))
-                                              .norm());
+            out.violation =
+                std::max(out.violation, (at_point(of.shares, state.u) + of.place -
+                                         motions[idx(of.follows)](of.place))
+                                            .norm());
         }
-    out.largest_strain = body_.flesh->largest_strain(state);
-    out.inverted = body_.flesh->num_inverted(state);
+    flesh.largest_strain = body_.flesh->largest_strain(state);
+    flesh.inverted = body_.flesh->num_inverted(state);
+    if (!out.is_converged)
+        out.problems.push_back("the flesh: " + out.stop);
     return out;
 }
 

@@ -20,33 +20,11 @@
 #include "library/session/skeleton_handle.h"
 #include "library/time/flesh_body.h"
 #include "library/time/flesh_detail.h"
+#include "library/time/simulation_report.h"
 #include "library/time/smooth_samples.h"
 
 namespace cellwarp::core
 {
-
-/// What a moment measures, and the steps since the last one.
-struct FleshFrame
-{
-    double time = 0.0;                                  ///< [s]
-    double kinetic = 0.0, elastic = 0.0, gravity = 0.0; ///< [J]; tubes are elastic
-    Eigen::Vector3d momentum = Eigen::Vector3d::Zero(); ///< [kg m/s]
-    Eigen::Vector3d angular_momentum = Eigen::Vector3d::Zero(); ///< [kg m^2/s]
-    double miss = 0.0;           ///< of a held point, at the most [m]
-    double largest_strain = 0.0; ///< Frobenius norm of Green's mean strain of a cell
-    std::size_t inverted = 0;    ///< see Flesh::num_inverted()
-    std::int64_t systems = 0, cg_steps = 0; ///< linear ones, and steps of their solution
-    std::int64_t factors = 0;               ///< of regions that were made
-    double step_ms = 0.0;                   ///< all steps together
-    bool is_converged = true;
-    std::string stop = "converged";    ///< the first that was not
-    std::size_t split = 0, merged = 0; ///< cells that became smaller, and larger again
-    double detail_ms = 0.0;            ///< of new lattices
-    int limited = 0;                   ///< turns of joints that were cut to their limits
-    std::size_t contacts = 0;          ///< points that touch
-    /// Of obstacles, and of what pulls, on the flesh [N].
-    Eigen::Vector3d support = Eigen::Vector3d::Zero(), pull = Eigen::Vector3d::Zero();
-};
 
 /// A sample that a hand pulls.
 struct FleshPull
@@ -83,7 +61,7 @@ public:
     void take_step(FleshState state, const FleshReport& report, double ms);
     /// To the end of the next frame. \p watch: after each step.
     void next_frame(const std::function<void()>& watch = {});
-    FleshFrame report();
+    SimulationReport report();
     /// Else the last step has left the state as it was.
     bool is_finite() const { return is_finite_; }
     double time_of(std::int64_t frame) const { return time_.time_of(frame); } ///< [s]
@@ -162,7 +140,7 @@ private:
     std::vector<std::uint32_t> use_samples_; ///< of the direction uses
     std::unique_ptr<SmoothSamples> smooth_;  ///< null until they are wanted
     Snapshot snapshot_;
-    FleshFrame since_; ///< the last report
+    SimulationReport since_; ///< the last report; its flesh is there
     bool is_finite_ = true, has_told_of_most_ = false;
 };
 

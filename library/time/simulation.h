@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A scene in time: rods, bodies, nets and their joints, steps of a fixed length. The same
-// bits whatever is watched, and for any number of threads.
+// A scene in time, frame by frame: rods, bodies, nets and sheets with the model that rods
+// carry, flesh that follows a skeleton, or both. The same bits whatever is watched, and
+// for any number of threads. [Lenoir04], [Capell02]
 #pragma once
 
 #include <array>
@@ -13,170 +14,92 @@
 
 #include <Eigen/Core>
 
-#include "io/formats/geometry.h"
-#include "io/scene/rod_scene.h"
+#include "io/formats/geometry_file.h"
+#include "io/scene/handle_file.h"
+#include "io/scene/scene_file.h"
+#include "library/session/session.h"
+#include "library/time/carried_model.h"
+#include "library/time/flesh_simulation.h"
+#include "library/time/joined_flesh.h"
+#include "library/time/object_simulation.h"
+#include "library/time/simulation_report.h"
 
 namespace cellwarp::core
 {
 
-class JoinedFlesh;
-class RodPart;
-struct StepReport;
-
-/// One rod, or a piece of one that was cut, as it is seen.
-struct SimulatedRod
+/// A scene and all that it names.
+struct SimulationInput
 {
-    std::string name;                   ///< pieces are "rope.1", "rope.2", ...
-    double length = 0.0;                ///< now [m]
-    std::vector<Eigen::Vector3d> curve; ///< at equal shares of the rest length
-    int knots = 0;
-    std::vector<double> sliding; ///< of what slides, shares of the whole rest length
+    SceneFile scene;
+    std::shared_ptr<const GeometryFile> model = {}; ///< null: nothing moves one
+    HandleFile handles = {};
+    SessionSettings settings = {}; ///< of cells that rods carry; those of flesh are cells
+    std::vector<std::string> warnings = {}; ///< of what was read
+    bool is_tight = false; ///< linear systems of flesh are solved to 1e-10
 };
 
-struct SimulatedBody
-{
-    std::string name;
-    Eigen::Vector3d at; ///< centre [m]
-    Eigen::Matrix3d R;  ///< from its own axes
-};
+/// Reads the model and the handle file of a scene. Throws what their readers throw.
+/// \pre scene.is_in_time()
+SimulationInput read_simulation(const SceneFile& scene);
 
-struct SimulatedNet
+/// The shapes of a scene in time at one moment, in one unit.
+struct ShapesInTime
 {
-    std::string name;
-    std::vector<Eigen::Vector3d> points; ///< [m]
-};
-
-struct SimulatedSheet
-{
-    std::string name;
-    std::vector<Eigen::Vector3d> points;  ///< at equal shares, the first side fastest [m]
-    std::vector<Eigen::Vector3d> sliding; ///< shares; of what has left NaN
-};
-
-/// A force and couple that a hold, joint or contact exerts.
-struct SimulatedForce
-{
-    std::string key; ///< of the scene, "rods[0].fixed[1]"; empty: a contact
-    Eigen::Vector3d at, force, couple; ///< [m], [N], about the place [N m]
-    // Contacts only; the force acts on the first rod.
-    std::string rod, other;                ///< other: empty where it is an obstacle
-    double share = 0.0, other_share = 0.0; ///< of the whole rest length
-};
-
-/// Section forces of a rod at the places of SimulatedRod::curve: the part ahead acts on
-/// the part behind.
-struct SimulatedSections
-{
-    std::vector<double> tension, torque;        ///< [N], [N m]
-    std::vector<Eigen::Vector3d> shear, moment; ///< [N], [N m]
-    std::vector<Eigen::Matrix3d> frame; ///< directions of the section, tangent: columns
-};
-
-/// What a moment of the simulation measures.
-struct SimulationReport
-{
-    double time = 0.0;                                  ///< [s]
-    double kinetic = 0.0, elastic = 0.0, gravity = 0.0; ///< [J]
-    Eigen::Vector3d momentum = Eigen::Vector3d::Zero(); ///< [kg m/s]
-    Eigen::Vector3d turning = Eigen::Vector3d::Zero();  ///< angular momentum [kg m^2/s]
-    double violation = 0.0;         ///< largest of the constraints [m, rad]
-    std::int64_t iterations = 0;    ///< since the last report
-    std::string stop = "converged"; ///< the first that was not, since the last report
-    std::string stopped;            ///< what did: the first rod of what is joined
-    bool has_contacts = false;      ///< the scene knows of what touches
-    int contacts = 0;               ///< pairs of places that do
-    double touching = 0.0;          ///< what they are pressed with [J]
-    std::optional<double> nearest;  ///< distance of what is near, of its thickness
-    bool is_converged = true;
-    /// Steps that were not cut since those before them had failed in all their parts.
-    std::int64_t at_once = 0;
+    std::vector<Geometry> parts;
+    std::vector<PosedJoint> joints; ///< of a skeleton
+    /// Cells of a lattice: corner k is at the upper end of axis a if bit a of k is set.
+    std::vector<std::array<Eigen::Vector3d, 8>> cells;
 };
 
 class Simulation
 {
 public:
-    /// Builds all that moves. Throws Fault::Malformed with the key that cannot be, such
-    /// as a step beyond what `rk4` is stable with.
-    /// \p flesh: what joints call so, which must outlive it; null: there is none.
-    explicit Simulation(const RodScene& scene, JoinedFlesh* flesh = nullptr);
+    /// Begins at frame 0. Throws what FleshSimulation, ObjectSimulation and CarriedModel
+    /// throw, and Fault::Malformed for what flesh cannot have where joints hold it.
+    explicit Simulation(SimulationInput input);
     ~Simulation();
 
-    /// What all of its objects' places count from [m].
-    static Eigen::Vector3d origin_of(const RodScene& scene);
-    /// Whether joints hold the flesh: then steps move it, too.
-    bool moves_flesh() const { return moves_flesh_; }
-
-    /// What a user may not expect of the start.
-    const std::vector<std::string>& warnings() const { return warnings_; }
-    bool is_static() const;
-    /// Of the whole simulation; of equilibria 1.
-    std::int64_t num_steps() const;
-    /// Steps from one frame to the next.
-    std::int64_t steps_a_frame() const;
-    /// Goes on by one step, or to equilibrium.
-    void step();
+    /// So far.
+    std::vector<std::string> warnings() const;
+    /// An equilibrium has one step, whose end is frame 0.
+    bool is_static() const { return !flesh_ && time().is_static(); }
+    /// The first is 0.
+    std::int64_t last_frame() const { return is_static() ? 0 : time().last_frame(); }
+    std::int64_t num_steps() const { return time().num_steps(); }
     std::int64_t steps_done() const;
-    /// What was measured, since the last call.
+    const TimeSettings& time() const { return input_.scene.time; }
+
+    void step();
+    /// To the end of the next frame. \p watch: called after each step; \p wants_samples:
+    /// of the model that rods carry, which deformed() keeps else as they were.
+    void next_frame(const std::function<void()>& watch = {}, bool wants_samples = true);
+    /// Of now, and of the steps since the last call.
     SimulationReport report();
-    /// \p places of each rod at equal shares of its rest length, both ends included.
-    std::vector<SimulatedRod> rods(int places) const;
-    /// Whether the scene asks for these reports.
-    bool reports_forces() const { return scene_.reports_forces; }
-    bool reports_sections() const { return scene_.reports_sections; }
-    /// Forces of holds on their rods, of joints on `a`, and of contacts, after the last
-    /// solve. Empty before the first one.
-    std::vector<SimulatedForce> forces() const;
-    /// In the order of rods().
-    std::vector<SimulatedSections> sections(int places) const;
-    std::vector<SimulatedBody> bodies() const;
-    std::vector<SimulatedNet> nets() const;
-    /// \p places along each side.
-    std::vector<SimulatedSheet> sheets(int places) const;
-    /// Those that carry the model's cells.
-    std::vector<const RodPart*> carriers() const;
-    /// Rods and springs as tubes, bodies as the boxes or balls that have their inertia,
-    /// each a group: \p around corners on each ring.
-    Geometry surface(int around) const;
-    /// The same, and what rods may touch: of planes those that carry, as tiles.
-    Geometry stage(int around) const;
-    /// Frames behind the first; of equilibria the rest comes first.
-    std::int64_t last_frame() const;
-    /// Goes on to the end of the next frame: by steps_a_frame(), or less at the end.
-    /// \p watch: after each step.
-    void next_frame(const std::function<void()>& watch = {});
+
+    const std::shared_ptr<const GeometryFile>& model() const { return input_.model; }
+    /// The model's samples. \pre model()
+    const DeformedSamples& deformed();
+    /// Length of the files' unit: that of the model; metres without one [m].
+    double unit() const { return input_.model ? time().unit : 1.0; }
+    ShapesInTime shapes(int around);
+
+    FleshSimulation* flesh() { return flesh_.get(); } ///< null: there is none
+    const FleshSimulation* flesh() const { return flesh_.get(); }
+    /// Null: there are none.
+    const ObjectSimulation* objects() const { return objects_.get(); }
+    /// Of the model that rods carry; null: they carry none.
+    const Session* carried() const { return carried_ ? &carried_->session() : nullptr; }
 
 private:
-    struct Group;
-    struct Parts;
-    struct End;
-    void join();
-    End end_of(const JointEnd& end, const SlideStatement& slide, const std::string& where,
-               const Eigen::Vector3d& other);
-    Eigen::Vector3d place_of(const JointEnd& end, const std::string& where) const;
-    void keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const;
-    void group();
-    void touch();
-    void start_alone(Group& group, std::size_t index);
-    void lead_bodies(const Group& group, double time, double share, double duration);
-    void need_hold(const Group& group, const std::vector<std::size_t>& members) const;
-    void go_on(double begin, double dt);
-    void advance(Group& group, double begin, double dt);
-    bool change(Group& group, double time);
-    void see_contacts();
-    int explicit_parts(const Group& group) const;
-    void settle(Group& group);
-    void take(Group& group, const StepReport& report);
-
-    const RodScene scene_;
-    JoinedFlesh* const flesh_;
-    bool moves_flesh_ = false;
-    const Eigen::Vector3d origin_; ///< what all places count from
-    std::unique_ptr<Parts> parts_;
-    std::vector<std::unique_ptr<Group>> groups_; ///< what is joined goes together
-    std::vector<std::string> warnings_;
-    std::int64_t done_ = 0, iterations_ = 0, at_once_ = 0;
-    std::string stop_ = "converged", stopped_;
-    double stopped_violation_ = 0.0;
+    const SimulationInput input_;
+    std::unique_ptr<FleshSimulation> flesh_;
+    std::unique_ptr<JoinedFlesh> joined_; ///< null: no joint holds the flesh
+    std::unique_ptr<ObjectSimulation> objects_;
+    std::unique_ptr<CarriedModel> carried_;
+    DeformedSamples deformed_; ///< of flesh
+    bool is_drawn_ = false;    ///< deformed_ is of now
+    std::int64_t limited_ = 0; ///< turns of joints that were cut to their limits
+    std::size_t inverted_ = 0; ///< cells, at the most
 };
 
 } // namespace cellwarp::core

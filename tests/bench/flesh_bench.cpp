@@ -176,7 +176,7 @@ void scene(benchmark::State& state, const char* name)
         benchmark::DoNotOptimize(simulation.deformed_live());
         ++frames;
     }
-    cg_steps = static_cast<double>(simulation.report().cg_steps);
+    cg_steps = static_cast<double>(simulation.report().flesh->cg_steps);
     state.counters["nodes"] =
         static_cast<double>(simulation.body().flesh->lattice().places.size());
     state.counters["cg"] = cg_steps / static_cast<double>(frames) /

@@ -16,7 +16,7 @@
 #include <benchmark/benchmark.h>
 
 #include "io/scene/scene_file.h"
-#include "library/time/simulation.h"
+#include "library/time/object_simulation.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_refinement.h"
@@ -262,11 +262,11 @@ void joined(benchmark::State& run, const std::string& name, double published)
 {
     RodScene scene = read_scene(CELLWARP_SAMPLES "/rods/" + name + ".json").time;
     scene.dt = 1e-3;
-    auto simulation = std::make_unique<Simulation>(scene);
+    auto simulation = std::make_unique<ObjectSimulation>(scene);
     for (auto _ : run)
     {
         if (simulation->steps_done() == 250)
-            simulation = std::make_unique<Simulation>(scene);
+            simulation = std::make_unique<ObjectSimulation>(scene);
         simulation->step();
     }
     const SimulationReport report = simulation->report();
@@ -287,7 +287,7 @@ void touching(benchmark::State& run, const std::string& name, const std::string&
     RodScene scene = read_scene(CELLWARP_SAMPLES "/rods/" + name + ".json").time;
     scene.dt = dt;
     scene.integrator = rule;
-    Simulation simulation(scene);
+    ObjectSimulation simulation(scene);
     int contacts = 0;
     double nearest = 1.0;
     for (auto _ : run)

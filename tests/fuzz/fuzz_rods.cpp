@@ -11,7 +11,7 @@
 
 #include "io/base/error.h"
 #include "io/scene/scene_file.h"
-#include "library/time/simulation.h"
+#include "library/time/object_simulation.h"
 
 using namespace cellwarp::core;
 
@@ -69,7 +69,7 @@ void run(const RodScene& scene)
 {
     // Sanitizers make an iteration some 60 times as slow: a step of many is the last.
     constexpr int kSteps = 2, kMany = 100;
-    Simulation simulation(scene);
+    ObjectSimulation simulation(scene);
     SimulationReport report;
     for (int k = 0; k < kSteps && simulation.steps_done() < simulation.num_steps() &&
                     report.is_converged && report.iterations <= kMany;

@@ -260,14 +260,14 @@ TEST(SkeletonScene, with_simulate_it_has_a_time_of_its_own)
     EXPECT_EQ(flesh.time.duration, 3.0);
     EXPECT_EQ(flesh.time.unit, 0.01);
     EXPECT_EQ(flesh.time.gravity[2], -9.81);
-    EXPECT_EQ(flesh.in_time(), TimeScene::Flesh);
+    EXPECT_FALSE(flesh.has_moving_objects());
     // Rods and nets of the scene share it.
     for (const char* more : {R"(, "rods": [{"points": [[0,0,0],[1,0,0]]}]})",
                              R"(, "nets": [{"points": [[0,0,0]]}]})"})
     {
         const SceneFile both = parse_scene("s.json", scene + more);
         EXPECT_TRUE(both.has_flesh());
-        EXPECT_EQ(both.in_time(), TimeScene::FleshAndRods);
+        EXPECT_TRUE(both.has_moving_objects());
     }
     EXPECT_FALSE(scene_of(kJoints).has_flesh());
 }

@@ -46,7 +46,7 @@ const std::string kSwings = R"({"dt": 0.01, "duration": 0.4, "every": 0.1})";
 std::vector<Vector3d> run(const Shape& shape, const RodScene& scene,
                           const std::string& text = "")
 {
-    Simulation simulation(scene);
+    ObjectSimulation simulation(scene);
     CarriedModel carried(std::make_shared<const Geometry>(model(shape)), handles(text),
                          settings(12), scene.unit, simulation);
     const std::int64_t frames = simulation.is_static() ? 1 : simulation.last_frame();
@@ -86,7 +86,7 @@ TEST(CarriedModel, goes_along_rigidly_with_a_rod_that_does)
 TEST(CarriedModel, has_its_cells_where_the_rod_is_in_time)
 {
     const RodScene scene = scene_of(kAxis, kSwings);
-    Simulation simulation(scene);
+    ObjectSimulation simulation(scene);
     const Shape shape = long_bar();
     CarriedModel carried(std::make_shared<const Geometry>(model(shape)), handles(""),
                          settings(12), 1.0, simulation);

@@ -126,11 +126,11 @@ TEST(FleshDetail, comes_where_flesh_bends_and_leaves_when_it_is_at_rest)
     while (simulation->steps_done() < simulation->num_steps())
     {
         simulation->next_frame();
-        const FleshFrame frame = simulation->report();
+        const SimulationReport frame = simulation->report();
         EXPECT_TRUE(frame.is_converged);
-        EXPECT_LT(frame.miss, 1e-12);
-        split += frame.split;
-        merged += frame.merged;
+        EXPECT_LT(frame.violation, 1e-12);
+        split += frame.flesh->split;
+        merged += frame.flesh->merged;
         most = std::max(most, cells(*simulation));
     }
     EXPECT_GT(most, first + 50);
@@ -155,16 +155,17 @@ TEST(FleshDetail, comes_and_leaves_in_drawn_lattices)
         while (simulation->steps_done() < simulation->num_steps())
         {
             simulation->next_frame();
-            const FleshFrame frame = simulation->report();
+            const SimulationReport frame = simulation->report();
             EXPECT_TRUE(frame.is_converged);
-            EXPECT_LT(frame.miss, 0.05); // as larger cells have it, for a little while
+            EXPECT_LT(frame.violation,
+                      0.05); // as larger cells have it, for a little while
             EXPECT_NEAR(simulation->body().mass, mass, 1e-9 * mass);
             most = std::max(most, cells(*simulation));
         }
         EXPECT_GT(most, first + 30);
         EXPECT_LT(most, 8 * first);
         EXPECT_EQ(cells(*simulation), first);
-        EXPECT_LT(simulation->report().miss, 1e-9);
+        EXPECT_LT(simulation->report().violation, 1e-9);
     }
 }
 
@@ -464,7 +465,7 @@ TEST(FleshDetail, is_where_something_touches_is_pulled_or_was_asked_for)
         const auto touched = bar.start();
         for (int frame = 0; frame < 6; ++frame)
             touched->next_frame();
-        EXPECT_GT(touched->report().contacts, 0u);
+        EXPECT_GT(touched->report().flesh->contacts, 0u);
         EXPECT_EQ(level_at(*touched, tip), 2);
         EXPECT_EQ(level_at(*touched, root), 0);
         bar.skeleton = usual;
@@ -517,7 +518,7 @@ TEST(FleshDetail, bones_on_edges_of_a_drawn_lattice_hold_all_nodes_on_them)
     while (simulation->steps_done() < simulation->num_steps())
     {
         simulation->next_frame();
-        EXPECT_LT(simulation->report().miss, 1e-12);
+        EXPECT_LT(simulation->report().violation, 1e-12);
         most = std::max(most, simulation->body().held);
     }
     EXPECT_GT(most, 12u);
@@ -550,7 +551,7 @@ TEST(FleshDetail, bones_and_held_points_hold_all_the_time)
     {
         simulation->step();
         // Off by what lies between the points of larger cells, for a little while.
-        EXPECT_LT(simulation->report().miss, 0.05);
+        EXPECT_LT(simulation->report().violation, 0.05);
         most = std::max(most, cells(*simulation));
     }
     EXPECT_GT(most, 100u);
@@ -575,7 +576,7 @@ TEST(FleshDetail, points_of_bones_come_to_them_though_cells_keep_changing)
         const std::shared_ptr<const Octree> before = simulation->snapshot().detail.octree;
         simulation->step();
         changes += simulation->snapshot().detail.octree != before;
-        last = simulation->report().miss;
+        last = simulation->report().violation;
         most = std::max(most, last);
         // After a change a point goes on as fast as it was.
         const FleshBody& body = simulation->body();
@@ -614,7 +615,7 @@ TEST(FleshDetail, a_first_pose_is_at_rest_with_its_detail)
     const auto simulation = bar.start();
     const std::size_t first = cells(*simulation);
     EXPECT_GT(first, 100u);
-    FleshFrame frame = simulation->report();
+    SimulationReport frame = simulation->report();
     EXPECT_GT(frame.elastic, 10.0);
     const double elastic = frame.elastic;
     while (simulation->steps_done() < simulation->num_steps())
@@ -622,7 +623,7 @@ TEST(FleshDetail, a_first_pose_is_at_rest_with_its_detail)
         simulation->next_frame();
         frame = simulation->report();
         EXPECT_LT(frame.kinetic, 1e-6 * elastic);
-        EXPECT_LT(frame.miss, 1e-9);
+        EXPECT_LT(frame.violation, 1e-9);
     }
     EXPECT_NEAR(frame.elastic, elastic, 1e-4 * elastic);
     EXPECT_EQ(cells(*simulation), first);
@@ -639,13 +640,13 @@ TEST(FleshDetail, regions_that_a_change_does_not_touch_keep_their_factor)
     const auto simulation = bar.start();
     simulation->next_frame();
     // The first step, by implicit Euler, has its own factors beside those of BDF2.
-    EXPECT_EQ(simulation->report().factors, 4);
+    EXPECT_EQ(simulation->report().flesh->factors, 4);
     simulation->pull(FleshPull{0, {-0.1, -0.5, -0.5}});
     simulation->next_frame();
     simulation->next_frame();
-    const FleshFrame frame = simulation->report();
-    EXPECT_GT(frame.split, 0u);
-    EXPECT_EQ(frame.factors, 1);
+    const SimulationReport frame = simulation->report();
+    EXPECT_GT(frame.flesh->split, 0u);
+    EXPECT_EQ(frame.flesh->factors, 1);
 }
 
 } // namespace cellwarp::core

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/window/live_flesh.h"
+
 #include <algorithm>
 #include <chrono>
 #include <map>
@@ -12,63 +14,18 @@
 
 #include <fmt/format.h>
 
-#include "editor/window/film_source.h"
-#include "editor/window/live_flesh.h"
-#include "library/session/memory_limit.h"
-#include "library/session/scene_settings.h"
-#include "library/time/flesh_simulation.h"
+#include "editor/window/film.h"
 #include "octree/base/clock.h"
 #include "octree/base/stop_scope.h"
 
 namespace cellwarp::core
 {
 
-namespace
-{
-
-FleshSimulation simulation_of(const FilmScene& of)
-{
-    CellSettings cells = settings_of(of.scene).cells;
-    cells.max_memory = default_memory_limit();
-    return FleshSimulation(geometry_of(of.model), of.scene, cells, false, of.handles);
-}
-
-class FleshFilm final : public FilmSource
-{
-public:
-    explicit FleshFilm(const FilmScene& of) : simulation_(simulation_of(of)) {}
-
-    std::int64_t last() const override { return simulation_.last_frame(); }
-    double seconds_a_frame() const override
-    {
-        return simulation_.time().dt * static_cast<double>(simulation_.steps_a_frame());
-    }
-    std::string next() override
-    {
-        simulation_.next_frame();
-        const FleshFrame frame = simulation_.report();
-        return frame.is_converged ? "" : frame.stop;
-    }
-    DeformedSamples deformed() override { return simulation_.deformed(); }
-    std::vector<ShownLine> lines(const WorkFrame& view) const override
-    {
-        return shown_joints(simulation_.joints(), view);
-    }
-
-private:
-    FleshSimulation simulation_;
-};
-
-} // namespace
-
-std::unique_ptr<FilmSource> film_of_flesh(const FilmScene& scene)
-{
-    return std::make_unique<FleshFilm>(scene);
-}
-
 struct LiveFlesh::State
 {
-    FilmScene scene;
+    std::shared_ptr<const GeometryFile> model;
+    HandleFile handles;
+    SceneFile scene;
     WorkFrame view;
 
     mutable std::mutex mutex; ///< of what follows
@@ -102,8 +59,9 @@ struct LiveFlesh::State
 
     void play(const std::stop_token& stop)
     {
-        FleshSimulation simulation = simulation_of(scene);
-        const Geometry& geometry = scene.model->geometry;
+        Simulation played(played_input(model, handles, scene));
+        FleshSimulation& simulation = *played.flesh();
+        const Geometry& geometry = model->geometry;
         const std::shared_ptr<const ShapeLayout> layout = layout_of(geometry);
         const auto show = [&]
         {
@@ -123,7 +81,7 @@ struct LiveFlesh::State
             for (std::int64_t k = 0; k < simulation.steps_a_frame(); ++k)
             {
                 lead(simulation, by_hand);
-                simulation.step();
+                played.step();
                 if (!simulation.is_finite())
                     throw std::runtime_error(fmt::format(
                         "the flesh has no finite numbers after {:.3f} s: a smaller dt "
@@ -169,7 +127,9 @@ LiveFlesh::LiveFlesh(const Editing& editing) : state_(std::make_unique<State>())
 {
     State& s = *state_;
     const Document& document = editing.document();
-    s.scene = {document.model(), document.handles(), document.scene()};
+    s.model = document.model();
+    s.handles = document.handles();
+    s.scene = document.scene();
     s.view = editing.view_frame();
     s.thread = std::jthread([&s](const std::stop_token& stop) { s.run(stop); });
 }
