@@ -7,6 +7,7 @@
 #include "io/base/number.h"
 #include "library/time/drawn_flesh.h"
 #include "library/time/held_points.h"
+#include "library/time/key_motion.h"
 #include "octree/pieces.h"
 
 namespace cellwarp::core
@@ -24,22 +25,24 @@ JoinedFlesh::JoinedFlesh(FleshSimulation& flesh, std::string path, const Vector3
     to_scene_.t = unit * model.to_model(Vector3d::Zero()) - origin;
 }
 
-FleshObject& JoinedFlesh::object()
+FleshObject& JoinedFlesh::articulable()
 {
     if (!object_)
         object_ = std::make_unique<FleshObject>(*flesh_.body().flesh, state_, to_scene_);
     return *object_;
 }
 
-Vector3d JoinedFlesh::place_at(const Vector3d& at, const std::string& where)
+Vector3d JoinedFlesh::place_of(const JointEnd& end, const std::string& where) const
 {
-    const FleshPoint point = point_at(at, where);
+    const FleshPoint point = point_at(vector_of(end.point), where);
     return to_scene_(point.place + at_point(point.shares, state_.u));
 }
 
-int JoinedFlesh::add_place(const Vector3d& at, const std::string& where)
+int JoinedFlesh::add_place(const JointEnd& end, const SlideStatement&,
+                           const std::string& where, const Vector3d&)
 {
-    object();
+    const Vector3d at = vector_of(end.point);
+    articulable();
     places_.emplace_back(at, where);
     return object_->add_place(point_at(at, where));
 }

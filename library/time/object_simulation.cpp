@@ -16,18 +16,15 @@
 #include "io/base/error.h"
 #include "io/formats/face_triangles.h"
 #include "io/formats/geometry_file.h"
+#include "library/time/drawn_shapes.h"
 #include "library/time/joined_flesh.h"
 #include "library/time/key_motion.h"
 #include "library/time/rod_part.h"
-#include "library/time/solid_shapes.h"
 #include "octree/base/index.h"
 #include "solver/contact/rod_contacts.h"
 #include "solver/dynamics/implicit_stepper.h"
-#include "solver/dynamics/rigid_body.h"
-#include "solver/dynamics/spring_net.h"
 #include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_stepper.h"
-#include "solver/rods/spline_sheet.h"
 
 namespace cellwarp::core
 {
@@ -52,53 +49,6 @@ int parts_of(double turn)
 
 } // namespace
 
-namespace
-{
-
-std::unique_ptr<SplineSheet> sheet_of(const RodScene& scene, std::size_t k,
-                                      const Vector3d& origin)
-{
-    const SheetStatement& of = scene.sheets[k];
-    SheetShape shape{vector_of(of.corner) - origin,
-                     {},
-                     of.counts,
-                     static_cast<int>(of.degree),
-                     of.young,
-                     of.thickness,
-                     of.density};
-    for (const Triple& side : of.sides)
-        shape.sides.push_back(vector_of(side));
-    const std::string where = fmt::format("sheets[{}]", k);
-    std::unique_ptr<SplineSheet> sheet;
-    try
-    {
-        sheet = std::make_unique<SplineSheet>(shape);
-    }
-    catch (const std::invalid_argument& error)
-    {
-        throw malformed({scene.path, 0, where + ".sides"}, error.what());
-    }
-    sheet->gravity = vector_of(scene.gravity);
-    sheet->viscosity = of.viscosity;
-    sheet->damping = of.damping;
-    for (int c = 0; c < sheet->num_controls(); ++c)
-        sheet->velocity.segment<3>(3 * c) = vector_of(of.velocity);
-    for (const Triple& place : of.fixed)
-        sheet->fix(place);
-    constexpr double kNear = 0.01; // of the size
-    for (std::size_t p = 0; p < of.over.size(); ++p)
-    {
-        const Vector3d point = vector_of(of.over[p]) - origin;
-        sheet->slide_over(point);
-        if ((sheet->at(sheet->sliding(p)) - point).norm() > kNear * sheet->size())
-            throw malformed({scene.path, 0, fmt::format("{}.over[{}]", where, p)},
-                            "the sheet is not there at the start");
-    }
-    return sheet;
-}
-
-} // namespace
-
 /// Steps and forces are small beside the places of a scene far from the origin, and drown
 /// in their rounding: everything is seen from one of its points.
 Vector3d ObjectSimulation::origin_of(const RodScene& scene)
@@ -112,23 +62,13 @@ Vector3d ObjectSimulation::origin_of(const RodScene& scene)
     return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
 
-/// All that moves, in the order of the scene.
 struct ObjectSimulation::Parts
 {
-    std::vector<std::unique_ptr<RodPart>> rods;
-    struct Body
-    {
-        const BodyStatement* statement;
-        RigidBody body;
-        Motion rest; ///< of what keys move
-    };
-    std::vector<Body> bodies;
-    std::vector<SpringNet> nets;
-    std::vector<std::unique_ptr<SplineSheet>> sheets;
-    /// Rods as objects of joints, those that have some.
-    std::map<std::size_t, RodObject> objects;
-    JoinedFlesh* flesh = nullptr;
-    std::vector<Joint> joints; ///< of objects numbered through: as object() has them
+    std::vector<std::unique_ptr<ObjectInTime>> owned;
+    /// All: rods, bodies, nets, sheets, and flesh that joints hold.
+    std::vector<ObjectInTime*> objects;
+    std::vector<RodPart*> rods;
+    std::vector<Joint> joints;           ///< between objects of those numbers
     std::vector<std::string> joint_keys; ///< of each the key of the scene
     std::optional<RodContacts> contacts;
     std::vector<std::pair<PlaceOnRod, PlaceOnRod>> on_each_other; ///< joined places
@@ -138,52 +78,21 @@ struct ObjectSimulation::Parts
     double touching_energy = 0.0;
     std::vector<std::vector<double>> touched; ///< parameters of each rod
 
-    std::size_t count() const
+    /// The number of the object at an end of a joint.
+    std::size_t object_at(const JointEnd& end) const
     {
-        return rods.size() + bodies.size() + nets.size() + sheets.size() +
-               (flesh ? 1 : 0);
-    }
-    RodObject& object_of(std::size_t rod)
-    {
-        const auto [found, is_new] = objects.try_emplace(rod, rods[rod]->model);
-        if (is_new)
-            found->second.bind(rods[rod]->state, rods[rod]->velocity);
-        return found->second;
-    }
-    ArticulableObject* object(std::size_t k)
-    {
-        if (k < rods.size())
-            return &object_of(k);
-        k -= rods.size();
-        if (k < bodies.size())
-            return &bodies[k].body;
-        k -= bodies.size();
-        if (k < nets.size())
-            return &nets[k];
-        k -= nets.size();
-        return k < sheets.size() ? static_cast<ArticulableObject*>(sheets[k].get())
-                                 : &flesh->object();
-    }
-    std::string name(const RodScene& scene, std::size_t k) const
-    {
-        if (k < rods.size())
-            return rods[k]->name();
-        k -= rods.size();
-        if (k < bodies.size())
-            return bodies[k].statement->name;
-        k -= bodies.size();
-        if (k < nets.size())
-            return scene.nets[k].name;
-        k -= nets.size();
-        return k < sheets.size() ? scene.sheets[k].name : "flesh";
+        std::size_t first = 0;
+        while (objects[first]->kind() != end.kind)
+            ++first;
+        return first + end.index;
     }
 };
 
 /// What is joined.
 struct ObjectSimulation::Group
 {
-    std::vector<RodPart*> rods;
-    std::vector<Parts::Body*> bodies;
+    std::vector<ObjectInTime*> objects;
+    std::vector<RodPart*> rods; ///< the first of the objects
     std::string name;
     double violation = 0.0;
     int parts = 1;                   ///< of a step, that explicit ones stay stable with
@@ -201,111 +110,31 @@ ObjectSimulation::ObjectSimulation(const RodScene& scene, JoinedFlesh* flesh)
     : scene_(scene), flesh_(flesh), origin_(origin_of(scene)),
       parts_(std::make_unique<Parts>())
 {
+    Parts& parts = *parts_;
     for (std::size_t r = 0; r < scene_.rods.size(); ++r)
-        parts_->rods.push_back(std::make_unique<RodPart>(scene_, r, origin_));
-    for (const BodyStatement& of : scene_.bodies)
     {
-        RodKey turn;
-        turn.rotate = of.rotate;
-        RigidBody body(of.mass, vector_of(of.inertia));
-        body.gravity = vector_of(scene_.gravity);
-        body.state.p = vector_of(of.at) - origin_;
-        body.state.R = motion_of(turn, Vector3d::Zero()).R;
-        body.state.velocity = vector_of(of.velocity);
-        body.spin(vector_of(of.spin));
-        parts_->bodies.push_back({&of, body, {body.state.R, body.state.p}});
+        auto rod = std::make_unique<RodPart>(scene_, r, origin_);
+        parts.rods.push_back(rod.get());
+        parts.owned.push_back(std::move(rod));
     }
-    for (const NetStatement& of : scene_.nets)
-    {
-        std::vector<Vector3d> points;
-        for (const Triple& point : of.points)
-            points.push_back(vector_of(point) - origin_);
-        std::vector<NetSpring> springs;
-        for (const NetStatement::Spring& spring : of.springs)
-            springs.push_back(
-                {{static_cast<int>(spring.node[0]), static_cast<int>(spring.node[1])},
-                 spring.stiffness});
-        SpringNet& net = parts_->nets.emplace_back(
-            std::move(points),
-            Eigen::Map<const Eigen::VectorXd>(
-                of.masses.data(), static_cast<Eigen::Index>(of.masses.size())),
-            springs);
-        net.gravity = vector_of(scene_.gravity);
-        net.damping = of.damping;
-        for (const std::size_t point : of.fixed)
-            net.hold(static_cast<int>(point));
-    }
+    for (std::size_t k = 0; k < scene_.bodies.size(); ++k)
+        parts.owned.push_back(body_in_time(scene_, k, origin_));
+    for (std::size_t k = 0; k < scene_.nets.size(); ++k)
+        parts.owned.push_back(net_in_time(scene_, k, origin_));
     for (std::size_t k = 0; k < scene_.sheets.size(); ++k)
-        parts_->sheets.push_back(sheet_of(scene_, k, origin_));
-    parts_->flesh = flesh_;
+        parts.owned.push_back(sheet_in_time(scene_, k, origin_));
+    for (const std::unique_ptr<ObjectInTime>& object : parts.owned)
+        parts.objects.push_back(object.get());
+    if (flesh_)
+        parts.objects.push_back(flesh_);
     join();
     touch();
-    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
+    for (RodPart* const rod : parts.rods)
     {
         rod->close_gaps();
         warnings_.insert(warnings_.end(), rod->warnings.begin(), rod->warnings.end());
     }
     group();
-}
-
-Vector3d ObjectSimulation::place_of(const JointEnd& end, const std::string& where) const
-{
-    if (end.kind == JointEnd::Kind::Flesh)
-        return flesh_->place_at(vector_of(end.point), where);
-    if (end.kind == JointEnd::Kind::Rod)
-    {
-        const RodPart& rod = *parts_->rods[end.index];
-        return rod.state.at(rod.parameter(end.at)).place;
-    }
-    if (end.kind == JointEnd::Kind::Net)
-        return parts_->nets[end.index].point(static_cast<int>(end.node));
-    if (end.kind == JointEnd::Kind::Sheet)
-        return parts_->sheets[end.index]->at(end.point);
-    const RigidBodyState& body = parts_->bodies[end.index].body.state;
-    return body.p + body.R * vector_of(end.point);
-}
-
-/// An end of a joint: number of the object, and of its place.
-struct ObjectSimulation::End
-{
-    int object, place;
-    std::optional<PlaceOnRod> on_rod;
-};
-
-/// \p other: where the other end is.
-ObjectSimulation::End ObjectSimulation::end_of(const JointEnd& end,
-                                               const SlideStatement& slide,
-                                               const std::string& where,
-                                               const Vector3d& other)
-{
-    const std::size_t rods = parts_->rods.size(), bodies = parts_->bodies.size();
-    if (end.kind == JointEnd::Kind::Body)
-        return {static_cast<int>(rods + end.index),
-                parts_->bodies[end.index].body.add_place(vector_of(end.point)),
-                std::nullopt};
-    if (end.kind == JointEnd::Kind::Net)
-        return {static_cast<int>(rods + bodies + end.index), static_cast<int>(end.node),
-                std::nullopt};
-    if (end.kind == JointEnd::Kind::Flesh)
-        return {static_cast<int>(parts_->count()) - 1,
-                flesh_->add_place(vector_of(end.point), where), std::nullopt};
-    if (end.kind == JointEnd::Kind::Sheet)
-        return {static_cast<int>(rods + bodies + parts_->nets.size() + end.index),
-                parts_->sheets[end.index]->add_place(end.point), std::nullopt};
-    RodPart& rod = *parts_->rods[end.index];
-    RodObject& object = parts_->object_of(end.index);
-    PlaceOnRod place{end.index};
-    if (end.slides)
-        place.slide = rod.add_slide(slide, Eigen::Matrix3d::Identity(), other, where);
-    else
-    {
-        place.s = rod.parameter(end.at);
-        rod.is_joined_at(place.s);
-    }
-    return {static_cast<int>(end.index),
-            end.slides ? object.add_sliding_place(place.slide)
-                       : object.add_place(place.s),
-            place};
 }
 
 /// A place that slides towards another of the same rod would end on it: it stays on its
@@ -456,34 +285,38 @@ void ObjectSimulation::join()
             keep_off_itself(both.a.slides ? both.a.index : both.b.index,
                             both.a.slides ? both.b.at : both.a.at,
                             both.a.slides ? both.of_a : both.of_b);
-        const auto start_of = [&](JointEnd end, const SlideStatement& slide)
+        const std::size_t a = parts_->object_at(both.a), b = parts_->object_at(both.b);
+        ObjectInTime &first = *parts_->objects[a], &second = *parts_->objects[b];
+        const auto start_of =
+            [&](const ObjectInTime& object, JointEnd end, const SlideStatement& slide)
         {
             end.at = end.slides ? slide.start.value_or(0.0) : end.at;
-            return place_of(end, both.where);
+            return object.place_of(end, both.where);
         };
-        const Vector3d of_a = start_of(both.a, both.of_a),
-                       of_b = start_of(both.b, both.of_b);
-        const End a = end_of(both.a, both.of_a, both.where, of_b),
-                  b = end_of(both.b, both.of_b, both.where, of_a);
-        if (both.a.slides && both.b.slides && a.object == b.object)
-            parts_->rods[idx(a.object)]->keep_last_two_apart(kOffItself);
-        if (a.object == b.object && a.object >= static_cast<int>(parts_->rods.size()))
+        const Vector3d of_a = start_of(first, both.a, both.of_a),
+                       of_b = start_of(second, both.b, both.of_b);
+        const int place_of_a = first.add_place(both.a, both.of_a, both.where, of_b);
+        PlaceOnRod on_a;
+        if (a < parts_->rods.size())
+            on_a = parts_->rods[a]->last_end();
+        const int place_of_b = second.add_place(both.b, both.of_b, both.where, of_a);
+        if (both.a.slides && both.b.slides && a == b)
+            parts_->rods[a]->keep_last_two_apart(kOffItself);
+        if (a == b && a >= parts_->rods.size())
             throw malformed({scene_.path, 0, both.where},
-                            "joins " + parts_->name(scene_, idx(a.object)) +
-                                " to itself");
+                            "joins " + first.name() + " to itself");
         Joint joint;
-        joint.object = {a.object, b.object};
-        joint.place = {a.place, b.place};
-        if (a.on_rod && b.on_rod)
-            parts_->on_each_other.emplace_back(*a.on_rod, *b.on_rod);
-        const ArticulableObject &first = *parts_->object(idx(a.object)),
-                                &second = *parts_->object(idx(b.object));
+        joint.object = {static_cast<int>(a), static_cast<int>(b)};
+        joint.place = {place_of_a, place_of_b};
+        if (std::max(a, b) < parts_->rods.size())
+            parts_->on_each_other.emplace_back(on_a, parts_->rods[b]->last_end());
+        const ArticulableObject &one = first.articulable(), &other = second.articulable();
         const double apart =
-            (first.place(a.place, false) - second.place(b.place, false)).norm();
+            (one.place(place_of_a, false) - other.place(place_of_b, false)).norm();
         if (both.has_point)
         {
             if (!both.a.slides && !both.b.slides &&
-                apart > 1e-2 * std::max(first.size(), second.size()))
+                apart > 1e-2 * std::max(one.size(), other.size()))
                 warnings_.push_back(
                     at({scene_.path, 0, both.where},
                        fmt::format("starts {:.3g} m apart, the first step "
@@ -497,7 +330,7 @@ void ObjectSimulation::join()
         {
             joint.kind = Joint::Kind::Frame;
             joint.frame =
-                first.frame(a.place, false).transpose() * second.frame(b.place, false);
+                one.frame(place_of_a, false).transpose() * other.frame(place_of_b, false);
             parts_->joints.push_back(joint);
             parts_->joint_keys.push_back(both.where);
         }
@@ -556,7 +389,7 @@ void ObjectSimulation::touch()
                                    scene_.rods[r].contact_radius};
         if (scene_.integrator != "rk4")
         {
-            member.object = &parts_->object_of(r);
+            member.object = &rod.articulable();
             member.number = r;
         }
         contacts.add_rod(member);
@@ -577,7 +410,7 @@ void ObjectSimulation::touch()
 
 void ObjectSimulation::group()
 {
-    const std::size_t count = parts_->count();
+    const std::size_t count = parts_->objects.size();
     std::vector<std::size_t> group_of(count);
     std::iota(group_of.begin(), group_of.end(), std::size_t(0));
     // What may touch goes together; explicit steps take forces of the begin.
@@ -605,7 +438,7 @@ void ObjectSimulation::group()
         if (flesh_ && first == count - 1)
             continue; // no joint holds it
         Group& group = *groups_.emplace_back(std::make_unique<Group>());
-        group.name = parts_->name(scene_, first);
+        group.name = parts_->objects[first]->name();
         std::vector<std::size_t> members;
         std::map<int, int> number;
         for (std::size_t k = first; k < count; ++k)
@@ -613,10 +446,9 @@ void ObjectSimulation::group()
             {
                 number[static_cast<int>(k)] = static_cast<int>(members.size());
                 members.push_back(k);
+                group.objects.push_back(parts_->objects[k]);
                 if (k < parts_->rods.size())
-                    group.rods.push_back(parts_->rods[k].get());
-                else if (k < parts_->rods.size() + parts_->bodies.size())
-                    group.bodies.push_back(&parts_->bodies[k - parts_->rods.size()]);
+                    group.rods.push_back(parts_->rods[k]);
             }
         std::vector<Joint> joints;
         for (std::size_t j = 0; j < parts_->joints.size(); ++j)
@@ -639,10 +471,10 @@ void ObjectSimulation::group()
             throw malformed({scene_.path, 0, "simulate.integrator"},
                             "bodies, nets and what is joined need implicit-euler or "
                             "static");
-        need_hold(group, members);
+        need_hold(group);
         std::vector<ArticulableObject*> objects;
-        for (const std::size_t k : members)
-            objects.push_back(parts_->object(k));
+        for (ObjectInTime* const object : group.objects)
+            objects.push_back(&object->articulable());
         moves_flesh_ = moves_flesh_ || (flesh_ && members.back() == count - 1);
         group.joined.emplace(std::move(objects), std::move(joints), 1e-9,
                              has_contacts ? &*parts_->contacts : nullptr);
@@ -650,27 +482,13 @@ void ObjectSimulation::group()
 }
 
 /// An equilibrium needs something that holds.
-void ObjectSimulation::need_hold(const Group& group,
-                                 const std::vector<std::size_t>& members) const
+void ObjectSimulation::need_hold(const Group& group) const
 {
-    bool is_held = !is_static() || vector_of(scene_.gravity).isZero(0.0);
-    for (const RodPart* const rod : group.rods)
-        is_held = is_held || rod->is_held();
-    for (const Parts::Body* const body : group.bodies)
-        is_held = is_held || !body->statement->keys.empty();
-    const std::size_t before = parts_->rods.size() + parts_->bodies.size();
-    for (const std::size_t k : members)
-        if (const std::size_t nets = scene_.nets.size();
-            k >= before + nets + scene_.sheets.size())
-            is_held = true; // flesh by its bones
-        else if (k >= before + nets)
-        {
-            const SheetStatement& sheet = scene_.sheets[k - before - nets];
-            is_held = is_held || !sheet.fixed.empty() || !sheet.over.empty();
-        }
-        else
-            is_held = is_held || (k >= before && !scene_.nets[k - before].fixed.empty());
-    is_held = is_held || !scene_.obstacles.empty();
+    const bool is_held =
+        !is_static() || vector_of(scene_.gravity).isZero(0.0) ||
+        !scene_.obstacles.empty() ||
+        std::any_of(group.objects.begin(), group.objects.end(),
+                    [](const ObjectInTime* object) { return object->is_held(); });
     if (!is_held)
         throw malformed({scene_.path, 0, "simulate.integrator"},
                         "nothing holds " + group.name +
@@ -807,7 +625,7 @@ bool ObjectSimulation::change(Group& group, double time)
         {
             std::span<const double> touched;
             for (std::size_t r = 0; r < parts_->touched.size(); ++r)
-                if (parts_->rods[r].get() == rod)
+                if (parts_->rods[r] == rod)
                     touched = parts_->touched[r];
             has_changed = rod->change(time, touched) || has_changed;
         }
@@ -824,34 +642,18 @@ int ObjectSimulation::explicit_parts(const Group& group) const
         std::clamp(std::ceil(scene_.dt / limit), 1.0, kMostPartsOfFrame));
 }
 
-void ObjectSimulation::lead_bodies(const Group& group, double time, double share,
-                                   double duration)
-{
-    for (Parts::Body* const body : group.bodies)
-    {
-        if (body->statement->keys.empty())
-            continue;
-        const Motion motion = motion_at(body->statement->keys, time, body->rest.t, share);
-        body->body.lead(motion.R * body->rest.R, motion(body->rest.t), duration);
-    }
-}
-
 void ObjectSimulation::settle(Group& group)
 {
     double largest = 0.0;
-    for (const RodPart* const rod : group.rods)
-        largest = std::max(largest, rod->largest_turn());
-    for (const Parts::Body* const body : group.bodies)
-        for (const RodKey& key : body->statement->keys)
-            largest = std::max(largest, std::abs(key.rotate[3]));
+    for (const ObjectInTime* const object : group.objects)
+        largest = std::max(largest, object->largest_turn());
     const int parts = parts_of(largest);
     StepReport last;
     for (int part = 1; part <= parts; ++part)
     {
         const double share = static_cast<double>(part) / parts;
-        for (RodPart* const rod : group.rods)
-            rod->hold_at(scene_.duration, share);
-        lead_bodies(group, scene_.duration, share, 0.0);
+        for (ObjectInTime* const object : group.objects)
+            object->hold_at(scene_.duration, share);
         if (group.alone)
         {
             RodPart& rod = *group.rods.front();
@@ -885,23 +687,16 @@ void ObjectSimulation::advance(Group& group, double begin, double dt)
     const auto share_at = [&](double time) { return std::min(time / scene_.dt, 1.0); };
     const double of_first = share_at(begin + dt) - share_at(begin);
     double largest = 0.0;
-    for (const RodPart* const rod : group.rods)
-        largest = std::max(largest,
-                           rod->turned(begin, begin + dt) + of_first * rod->first_turn());
-    for (const Parts::Body* const body : group.bodies)
-    {
-        const std::vector<RodKey>& keys = body->statement->keys;
-        const double first = keys.empty() ? 0.0 : std::abs(keys.front().rotate[3]);
-        largest = std::max(largest, turned(keys, begin, begin + dt) + of_first * first);
-    }
+    for (const ObjectInTime* const object : group.objects)
+        largest = std::max(largest, object->turned(begin, begin + dt) +
+                                        of_first * object->first_turn());
     const int parts = std::max(parts_of(largest), group.parts);
     for (int part = 1; part <= parts; ++part)
     {
         const double from = begin + dt * (part - 1) / parts,
                      to = begin + dt * part / parts;
-        for (RodPart* const rod : group.rods)
-            rod->lead({from, share_at(from)}, {to, share_at(to)});
-        lead_bodies(group, to, share_at(to), dt / parts);
+        for (ObjectInTime* const object : group.objects)
+            object->lead({from, share_at(from)}, {to, share_at(to)}, dt / parts);
         RodPart* const rod = group.rods.empty() ? nullptr : group.rods.front();
         const StepReport report =
             group.alone ? group.alone->step(rod->state, rod->velocity, dt / parts)
@@ -944,49 +739,8 @@ SimulationReport ObjectSimulation::report()
 {
     SimulationReport out;
     out.time = is_static() ? 0.0 : static_cast<double>(done_) * scene_.dt;
-    const Vector3d gravity = vector_of(scene_.gravity);
-    const auto add = [&](double mass, const Vector3d& momentum, const Vector3d& turning)
-    {
-        out.gravity -= mass * gravity.dot(origin_);
-        out.momentum += momentum;
-        out.angular_momentum += turning + origin_.cross(momentum);
-    };
-    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
-    {
-        const RodModel& model = rod->model;
-        out.kinetic += model.mass().kinetic_energy(rod->velocity);
-        out.elastic += model.elastic_energy(rod->state);
-        out.gravity += model.gravity_energy(rod->state);
-        add(model.mass().total(), model.mass().momentum(rod->velocity),
-            model.mass().angular_momentum(rod->state, rod->velocity));
-    }
-    for (const Parts::Body& one : parts_->bodies)
-    {
-        const RigidBody& body = one.body;
-        if (!one.statement->keys.empty())
-            continue;
-        out.kinetic += body.kinetic();
-        out.gravity -= body.mass() * gravity.dot(body.state.p);
-        add(body.mass(), body.mass() * body.state.velocity, body.angular_momentum());
-    }
-    for (const SpringNet& net : parts_->nets)
-    {
-        out.kinetic += net.kinetic();
-        out.elastic += net.elastic();
-        for (int k = 0; k < net.num_points(); ++k)
-        {
-            const Vector3d momentum = net.mass(k) * net.velocity.segment<3>(3 * k);
-            out.gravity -= net.mass(k) * gravity.dot(net.point(k));
-            add(net.mass(k), momentum, net.point(k).cross(momentum));
-        }
-    }
-    for (const std::unique_ptr<SplineSheet>& sheet : parts_->sheets)
-    {
-        out.kinetic += sheet->kinetic();
-        out.elastic += sheet->elastic();
-        out.gravity += sheet->weight_energy();
-        add(sheet->mass(), sheet->momentum(), sheet->angular_momentum());
-    }
+    for (const ObjectInTime* const object : parts_->objects)
+        object->add_to(out);
     for (const std::unique_ptr<Group>& group : groups_)
         out.violation = std::max(out.violation, group->violation);
     if (parts_->contacts)
@@ -1009,14 +763,12 @@ SimulationReport ObjectSimulation::report()
     return out;
 }
 
-std::vector<SimulatedRod> ObjectSimulation::rods(int places) const
+SimulatedObjects ObjectSimulation::seen(JointEnd::Kind kind, int places) const
 {
-    std::vector<SimulatedRod> out;
-    for (const std::unique_ptr<RodPart>& part : parts_->rods)
-        for (const RodPart::Piece& piece : part->pieces())
-            out.push_back({piece.name, part->length(piece), part->curve(piece, places),
-                           static_cast<int>(piece.spans.size()) + 1,
-                           part->sliding(piece)});
+    SimulatedObjects out;
+    for (const ObjectInTime* const object : parts_->objects)
+        if (object->kind() == kind)
+            object->add_to(places, out);
     return out;
 }
 
@@ -1043,8 +795,10 @@ std::vector<SimulatedForce> ObjectSimulation::forces() const
         const std::vector<Wrench> wrenches = group->joined->solved().joint_wrenches();
         for (std::size_t j = 0; j < wrenches.size(); ++j)
         {
-            const Vector3d at = origin_ + parts_->object(idx(group->first_of_joint[j]))
-                                              ->place(group->first_place[j], false);
+            const Vector3d at =
+                origin_ +
+                parts_->objects[idx(group->first_of_joint[j])]->articulable().place(
+                    group->first_place[j], false);
             // A joint may be several, of places and of frames.
             const bool is_more =
                 j > 0 && group->joint_keys[j] == group->joint_keys[j - 1];
@@ -1087,7 +841,7 @@ std::vector<SimulatedForce> ObjectSimulation::forces() const
 std::vector<SimulatedSections> ObjectSimulation::sections(int places) const
 {
     std::vector<SimulatedSections> out;
-    for (const std::unique_ptr<RodPart>& part : parts_->rods)
+    for (const RodPart* const part : parts_->rods)
         for (const RodPart::Piece& piece : part->pieces())
         {
             SimulatedSections& one = out.emplace_back();
@@ -1106,76 +860,17 @@ std::vector<SimulatedSections> ObjectSimulation::sections(int places) const
 std::vector<const RodPart*> ObjectSimulation::carriers() const
 {
     std::vector<const RodPart*> out;
-    for (const std::unique_ptr<RodPart>& part : parts_->rods)
+    for (const RodPart* const part : parts_->rods)
         if (part->carries())
-            out.push_back(part.get());
-    return out;
-}
-
-std::vector<SimulatedBody> ObjectSimulation::bodies() const
-{
-    std::vector<SimulatedBody> out;
-    for (const Parts::Body& one : parts_->bodies)
-        out.push_back(
-            {one.statement->name, origin_ + one.body.state.p, one.body.state.R});
-    return out;
-}
-
-std::vector<SimulatedNet> ObjectSimulation::nets() const
-{
-    std::vector<SimulatedNet> out;
-    for (std::size_t n = 0; n < parts_->nets.size(); ++n)
-    {
-        SimulatedNet& net = out.emplace_back();
-        net.name = scene_.nets[n].name;
-        for (int k = 0; k < parts_->nets[n].num_points(); ++k)
-            net.points.push_back(origin_ + parts_->nets[n].point(k));
-    }
-    return out;
-}
-
-std::vector<SimulatedSheet> ObjectSimulation::sheets(int places) const
-{
-    std::vector<SimulatedSheet> out;
-    for (std::size_t k = 0; k < parts_->sheets.size(); ++k)
-    {
-        const SplineSheet& sheet = *parts_->sheets[k];
-        SimulatedSheet& one = out.emplace_back();
-        one.name = scene_.sheets[k].name;
-        const int depth = sheet.is_block() ? places : 1;
-        for (int c = 0; c < depth; ++c)
-            for (int b = 0; b < places; ++b)
-                for (int a = 0; a < places; ++a)
-                    one.points.push_back(
-                        origin_ +
-                        sheet.at({double(a) / (places - 1), double(b) / (places - 1),
-                                  depth > 1 ? double(c) / (places - 1) : 0.0}));
-        for (std::size_t s = 0; s < sheet.num_slides(); ++s)
-        {
-            const SheetPlace at = sheet.sliding(s);
-            const double nan = std::numeric_limits<double>::quiet_NaN();
-            one.sliding.push_back(sheet.has_left(s) ? Vector3d(nan, nan, nan)
-                                                    : Vector3d(at[0], at[1], at[2]));
-        }
-    }
+            out.push_back(part);
     return out;
 }
 
 Geometry ObjectSimulation::surface(int around) const
 {
     Geometry out;
-    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
-        rod->add_surface(around, out);
-    for (const Parts::Body& one : parts_->bodies)
-        add_body(*one.statement, {one.body.state.R, origin_ + one.body.state.p}, around,
-                 out);
-    const std::vector<SimulatedNet> nets = this->nets();
-    for (std::size_t n = 0; n < nets.size(); ++n)
-        add_net(scene_.nets[n], nets[n].points, around, out);
-    constexpr int kAlongSide = 25; // places
-    const std::vector<SimulatedSheet> sheets = this->sheets(kAlongSide);
-    for (std::size_t k = 0; k < sheets.size(); ++k)
-        add_sheet(sheets[k].name, sheets[k].points, kAlongSide, out);
+    for (const ObjectInTime* const object : parts_->objects)
+        object->add_surface(around, out);
     return out;
 }
 
@@ -1185,32 +880,9 @@ Geometry ObjectSimulation::stage(int around) const
     if (scene_.obstacles.empty())
         return out;
     const Vector3d up = -vector_of(scene_.gravity).normalized();
-    Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()),
-             high = -low;
-    for (const SimulatedSheet& sheet : sheets(2))
-        for (const Vector3d& q : sheet.points)
-        {
-            low = low.cwiseMin(q);
-            high = high.cwiseMax(q);
-        }
-    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
-        for (const Vector3d& q : rod->rod.rest().controls)
-        {
-            low = low.cwiseMin(origin_ + q);
-            high = high.cwiseMax(origin_ + q);
-        }
-    for (const Parts::Body& one : parts_->bodies)
-    {
-        const Vector3d at = origin_ + one.body.state.p;
-        low = low.cwiseMin(at - Vector3d::Constant(one.body.size()));
-        high = high.cwiseMax(at + Vector3d::Constant(one.body.size()));
-    }
-    for (const SimulatedNet& net : nets())
-        for (const Vector3d& q : net.points)
-        {
-            low = low.cwiseMin(q);
-            high = high.cwiseMax(q);
-        }
+    Eigen::AlignedBox3d box;
+    for (const ObjectInTime* const object : parts_->objects)
+        object->add_to(box);
     std::size_t next_mesh = 0;
     for (const ObstacleStatement& obstacle : scene_.obstacles)
     {
@@ -1227,8 +899,8 @@ Geometry ObjectSimulation::stage(int around) const
             const Vector3d normal(p[0], p[1], p[2]);
             constexpr double kCarries = 0.5;
             if (up.isZero() || normal.normalized().dot(up) > kCarries)
-                add_tile(normal, p[3], 0.5 * (low + high), 0.6 * (high - low).norm(),
-                         out);
+                add_tile(normal, p[3], 0.5 * (box.min() + box.max()),
+                         0.6 * (box.max() - box.min()).norm(), out);
         }
     }
     return out;

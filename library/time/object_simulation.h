@@ -15,7 +15,7 @@
 
 #include "io/formats/geometry.h"
 #include "io/scene/rod_scene.h"
-#include "library/time/simulation_report.h"
+#include "library/time/object_in_time.h"
 
 namespace cellwarp::core
 {
@@ -23,36 +23,6 @@ namespace cellwarp::core
 class JoinedFlesh;
 class RodPart;
 struct StepReport;
-
-/// One rod, or a piece of one that was cut, as it is seen.
-struct SimulatedRod
-{
-    std::string name;                   ///< pieces are "rope.1", "rope.2", ...
-    double length = 0.0;                ///< now [m]
-    std::vector<Eigen::Vector3d> curve; ///< at equal shares of the rest length
-    int knots = 0;
-    std::vector<double> sliding; ///< of what slides, shares of the whole rest length
-};
-
-struct SimulatedBody
-{
-    std::string name;
-    Eigen::Vector3d at; ///< centre [m]
-    Eigen::Matrix3d R;  ///< from its own axes
-};
-
-struct SimulatedNet
-{
-    std::string name;
-    std::vector<Eigen::Vector3d> points; ///< [m]
-};
-
-struct SimulatedSheet
-{
-    std::string name;
-    std::vector<Eigen::Vector3d> points;  ///< at equal shares, the first side fastest [m]
-    std::vector<Eigen::Vector3d> sliding; ///< shares; of what has left NaN
-};
 
 /// A force and couple that a hold, joint or contact exerts.
 struct SimulatedForce
@@ -100,7 +70,10 @@ public:
     /// What was measured, since the last call.
     SimulationReport report();
     /// \p places of each rod at equal shares of its rest length, both ends included.
-    std::vector<SimulatedRod> rods(int places) const;
+    std::vector<SimulatedRod> rods(int places) const
+    {
+        return seen(JointEnd::Kind::Rod, places).rods;
+    }
     /// Whether the scene asks for these reports.
     bool reports_forces() const { return scene_.reports_forces; }
     bool reports_sections() const { return scene_.reports_sections; }
@@ -109,10 +82,16 @@ public:
     std::vector<SimulatedForce> forces() const;
     /// In the order of rods().
     std::vector<SimulatedSections> sections(int places) const;
-    std::vector<SimulatedBody> bodies() const;
-    std::vector<SimulatedNet> nets() const;
+    std::vector<SimulatedBody> bodies() const
+    {
+        return seen(JointEnd::Kind::Body, 0).bodies;
+    }
+    std::vector<SimulatedNet> nets() const { return seen(JointEnd::Kind::Net, 0).nets; }
     /// \p places along each side.
-    std::vector<SimulatedSheet> sheets(int places) const;
+    std::vector<SimulatedSheet> sheets(int places) const
+    {
+        return seen(JointEnd::Kind::Sheet, places).sheets;
+    }
     /// Those that carry the model's cells.
     std::vector<const RodPart*> carriers() const;
     /// Rods and springs as tubes, bodies as the boxes or balls that have their inertia,
@@ -127,19 +106,15 @@ public:
     void next_frame(const std::function<void()>& watch = {});
 
 private:
+    SimulatedObjects seen(JointEnd::Kind kind, int places) const;
     struct Group;
     struct Parts;
-    struct End;
     void join();
-    End end_of(const JointEnd& end, const SlideStatement& slide, const std::string& where,
-               const Eigen::Vector3d& other);
-    Eigen::Vector3d place_of(const JointEnd& end, const std::string& where) const;
     void keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const;
     void group();
     void touch();
     void start_alone(Group& group, std::size_t index);
-    void lead_bodies(const Group& group, double time, double share, double duration);
-    void need_hold(const Group& group, const std::vector<std::size_t>& members) const;
+    void need_hold(const Group& group) const;
     void go_on(double begin, double dt);
     void advance(Group& group, double begin, double dt);
     bool change(Group& group, double time);

@@ -10,9 +10,9 @@
 #include <fmt/format.h>
 
 #include "io/base/error.h"
+#include "library/time/drawn_shapes.h"
 #include "library/time/key_motion.h"
 #include "library/time/skin.h"
-#include "library/time/solid_shapes.h"
 #include "octree/base/index.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_response.h"
@@ -134,7 +134,7 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
     : rod(built(scene, scene.rods[index], "rods[" + std::to_string(index) + "]", origin)),
       model(rod), state(rod), velocity(Eigen::VectorXd::Zero(rod.layout().num_unknowns)),
       statement_(scene.rods[index]), path_(scene.path),
-      where_("rods[" + std::to_string(index) + "]"), origin_(origin)
+      where_("rods[" + std::to_string(index) + "]"), origin_(origin), index_(index)
 {
     warn_of_curve();
     const bool is_exact = statement_.elasticity == "exact",
@@ -448,7 +448,7 @@ void RodPart::hold_at(double time, double share)
     }
 }
 
-void RodPart::lead(const KeyTime& from, const KeyTime& to)
+void RodPart::lead(const KeyTime& from, const KeyTime& to, double /*duration*/)
 {
     struct Way
     {
@@ -806,6 +806,58 @@ void RodPart::add_skin(Geometry& out) const
         cellwarp::core::add_skin(centres, radius, kSkin, out);
         out.groups[group].name = piece.name;
     }
+}
+
+RodObject& RodPart::articulable()
+{
+    if (!object_)
+    {
+        object_.emplace(model);
+        object_->bind(state, velocity);
+    }
+    return *object_;
+}
+
+Eigen::Vector3d RodPart::place_of(const JointEnd& end, const std::string&) const
+{
+    return state.at(parameter(end.at)).place;
+}
+
+int RodPart::add_place(const JointEnd& end, const SlideStatement& slide,
+                       const std::string& where, const Eigen::Vector3d& other)
+{
+    last_end_ = {index_};
+    if (end.slides)
+    {
+        last_end_.slide = add_slide(slide, Eigen::Matrix3d::Identity(), other, where);
+        return articulable().add_sliding_place(last_end_.slide);
+    }
+    last_end_.s = parameter(end.at);
+    joined_.push_back(last_end_.s);
+    return articulable().add_place(last_end_.s);
+}
+
+void RodPart::add_to(SimulationReport& report) const
+{
+    report.kinetic += model.mass().kinetic_energy(velocity);
+    report.elastic += model.elastic_energy(state);
+    report.gravity += model.gravity_energy(state);
+    add_from_origin(model.mass().total(), model.mass().momentum(velocity),
+                    model.mass().angular_momentum(state, velocity), origin_,
+                    model.gravity, report);
+}
+
+void RodPart::add_to(int places, SimulatedObjects& out) const
+{
+    for (const Piece& piece : pieces())
+        out.rods.push_back({piece.name, length(piece), curve(piece, places),
+                            static_cast<int>(piece.spans.size()) + 1, sliding(piece)});
+}
+
+void RodPart::add_to(Eigen::AlignedBox3d& box) const
+{
+    for (const Eigen::Vector3d& control : rod.rest().controls)
+        box.extend(origin_ + control);
 }
 
 void RodPart::add_surface(int around, Geometry& out) const

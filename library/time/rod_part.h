@@ -13,6 +13,8 @@
 
 #include "io/formats/geometry.h"
 #include "io/scene/rod_scene.h"
+#include "library/time/object_in_time.h"
+#include "solver/contact/rod_contacts.h"
 #include "solver/rods/inner_forces.h"
 #include "solver/rods/point_springs.h"
 #include "solver/rods/rod_object.h"
@@ -21,14 +23,15 @@
 namespace cellwarp::core
 {
 
-class RodPart
+class RodPart final : public ObjectInTime
 {
 public:
     /// Number \p index of the scene, seen from \p origin, as it is at the start, but for
     /// what is on other rods. Throws Fault::Malformed with the key that cannot be.
     RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d& origin);
 
-    const std::string& name() const { return statement_.name; }
+    JointEnd::Kind kind() const override { return JointEnd::Kind::Rod; }
+    std::string name() const override { return statement_.name; }
     bool carries() const { return statement_.carries; }
     double radius() const ///< the largest [m]
     {
@@ -52,28 +55,29 @@ public:
     void close_gaps();
     /// Something holds it, or it needs nothing to.
     bool has_equilibrium() const;
-    /// Something of the world does.
-    bool is_held() const { return !model.is_free() || (springs_ != nullptr); }
+    bool is_held() const override { return !model.is_free() || (springs_ != nullptr); }
 
-    /// Brings what keys hold to where it is at a time, at rest, and loads to what they
-    /// are then; \p share: of what keys of holds say.
-    void hold_at(double time, double share);
-    /// A moment of keys: a time [s], and the share of what they say.
-    struct KeyTime
-    {
-        double time = 0.0, share = 1.0;
-    };
-    /// In the next steps what keys hold goes evenly from one moment to the other, which
-    /// are less than half a turn apart, and loads are what they are at each time.
-    void lead(const KeyTime& from, const KeyTime& to);
-    /// How far keys turn between two times, at the most; and all of them from rest
-    /// [degree].
-    double turned(double begin, double end) const;
-    double first_turn() const;
-    double largest_turn() const;
+    /// Made when it is asked for first: a rod that nothing joins moves without it.
+    RodObject& articulable() override;
+    Eigen::Vector3d place_of(const JointEnd& end,
+                             const std::string& where) const override;
+    /// Knots stay where a joint holds it.
+    int add_place(const JointEnd& end, const SlideStatement& slide,
+                  const std::string& where, const Eigen::Vector3d& other) override;
+    /// The end of a joint that was added last, as contacts see it.
+    const PlaceOnRod& last_end() const { return last_end_; }
 
-    /// A joint holds it at a parameter: knots stay there.
-    void is_joined_at(double s) { joined_.push_back(s); }
+    /// Loads have their values of the time, too.
+    void hold_at(double time, double share) override;
+    void lead(const KeyTime& from, const KeyTime& to, double duration) override;
+    double turned(double begin, double end) const override;
+    double first_turn() const override;
+    double largest_turn() const override;
+
+    void add_to(SimulationReport& report) const override;
+    void add_to(int places, SimulatedObjects& out) const override;
+    void add_to(Eigen::AlignedBox3d& box) const override;
+
     /// Whether knots may come or go, or it may be cut.
     bool may_change() const { return refinement_ || !statement_.cuts.empty(); }
     /// What a step has led to: cuts that are due, knots that come and go. \p touched:
@@ -107,7 +111,7 @@ public:
     std::vector<HeldForce> reactions(const Eigen::VectorXd& multipliers) const;
     /// As tubes, \p around corners on each ring, coloured by which side of the material
     /// they are on; or as the skin that the statement asks for.
-    void add_surface(int around, Geometry& out) const;
+    void add_surface(int around, Geometry& out) const override;
 
 private:
     /// Places of curve(): spans and parameters.
@@ -158,8 +162,11 @@ private:
     std::optional<std::pair<int, double>> last_apart_;
     int first_apart_ = -1;
     std::optional<RodRefinement> refinement_;
-    std::vector<char> is_cut_; ///< those of the statement that are done
-    std::vector<double> joined_;
+    std::vector<char> is_cut_;   ///< those of the statement that are done
+    std::vector<double> joined_; ///< parameters
+    const std::size_t index_;    ///< of the scene
+    PlaceOnRod last_end_;
+    std::optional<RodObject> object_;
 };
 
 } // namespace cellwarp::core

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "io/formats/geometry.h"
-#include "library/time/solid_shapes.h"
+#include "library/time/drawn_shapes.h"
 
 namespace cellwarp::core
 {
