@@ -9,6 +9,7 @@
 #include "io/base/error.h"
 #include "io/base/file_limits.h"
 #include "io/base/json_text.h"
+#include "io/base/near_word.h"
 #include "io/base/number.h"
 #include "io/base/relative_name.h"
 
@@ -315,8 +316,11 @@ void JsonObject::warn_of_the_rest()
     for (const auto& [key, value] : json_.items())
         if (std::find(known_.begin(), known_.end(), key) == known_.end())
         {
-            warn(key, "unknown key, ignored");
-            reading_.unknown_keys.push_back(reading_.warnings.back());
+            const std::string near = nearest_word(key, known_);
+            const std::string what =
+                near.empty() ? "unknown key" : "unknown key (near " + near + ")";
+            warn(key, what + ", ignored");
+            reading_.unknown_keys.push_back(reading_.remark(name_of(key), what));
         }
 }
 

@@ -32,7 +32,7 @@ struct JsonReading
     const std::string& path;
     const std::string& text;
     std::vector<std::string> warnings = {};     ///< with those of unknown keys
-    std::vector<std::string> unknown_keys = {}; ///< the warnings of unknown keys alone
+    std::vector<std::string> unknown_keys = {}; ///< remarks about them alone
     /// Keys whose values name files relative to this one: "skeleton.motion.file".
     std::vector<std::string> file_keys = {};
 

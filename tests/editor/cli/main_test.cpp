@@ -333,14 +333,14 @@ TEST(Main, check_fails_for_what_is_wrong_in_any_part_of_a_scene)
                                       "\"simulate\": {\"steps\": 4}");
     const Result checked = run({"check", unknown});
     EXPECT_EQ(checked.code, 3);
-    for (const char* says :
-         {"s.json:2: colour: unknown key", "s.json:3: cells.acros: unknown key",
-          "s.json:4: simulate.steps: unknown key"})
+    for (const char* says : {"s.json:2: colour: unknown key",
+                             "s.json:3: cells.acros: unknown key (near across)\n",
+                             "s.json:4: simulate.steps: unknown key"})
         EXPECT_TRUE(contains(checked.err, says)) << checked.err;
     EXPECT_EQ(run({"info", unknown}).code, 0);
     const Result deformed = run({"deform", unknown, "-o", folder / "out.obj"});
     EXPECT_EQ(deformed.code, 0) << deformed.err;
-    EXPECT_TRUE(contains(deformed.err, "s.json:4: simulate.steps: unknown key, ignored"));
+    EXPECT_TRUE(contains(deformed.err, "s.json:4: simulate.steps: unknown key"));
     EXPECT_TRUE(contains(deformed.err, "simulate: is for cellwarp simulate, ignored"));
 }
 
