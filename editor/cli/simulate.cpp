@@ -274,11 +274,7 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     check_flags(flags, common);
     Progress progress(common);
     double share = 0.0; ///< of the steps that is done
-    const SceneFile scene = scene_or_model(flags.scene);
-    if (!scene.is_in_time())
-        throw malformed({flags.scene, 0, scene.is_simulated ? "rods" : "simulate"},
-                        "is missing: there is nothing to simulate");
-    SimulationInput input = read_simulation(scene);
+    SimulationInput input = read_simulation(scene_or_model(flags.scene));
     input.is_tight = flags.is_tight;
     input.settings.watch = [&](const FrameProgress& now) {
         progress.show(share,

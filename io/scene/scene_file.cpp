@@ -79,7 +79,8 @@ void read_time(JsonObject& root, const Json& json, SceneFile& scene)
 
 void read_model(JsonObject& root, const Json& json, SceneFile& scene)
 {
-    if (root.read_file_name("model", scene.model) || has_objects(json))
+    if (root.read_file_name("model", scene.model) || !scene.model.empty() ||
+        has_objects(json))
         return;
     std::vector<std::string> keys;
     for (const auto& [key, value] : json.items())
@@ -133,10 +134,12 @@ std::string pointer_of(const std::string& key)
 
 } // namespace
 
-SceneFile parse_scene(const std::string& path, const std::string& text)
+SceneFile parse_scene(const std::string& path, const std::string& text,
+                      const std::string& model)
 {
     SceneFile scene;
     scene.path = path;
+    scene.model = model;
     scene.text = text;
     JsonReading reading{path, text};
     const Json json = parse_json(reading);

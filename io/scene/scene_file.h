@@ -37,7 +37,7 @@ struct SceneFile
     RodScene time;
     bool is_simulated = false;             ///< has "simulate"
     std::vector<std::string> warnings;     ///< with those of unknown keys
-    std::vector<std::string> unknown_keys; ///< the warnings of unknown keys alone
+    std::vector<std::string> unknown_keys; ///< remarks about them alone
     std::vector<std::string> left_out;     ///< warnings of what is for other commands
     /// Keys, from the root on, whose values name files relative to the scene.
     std::vector<std::string> file_keys;
@@ -56,7 +56,10 @@ struct SceneFile
 /// Throws Fault::File or Fault::Malformed with the line of a syntax error or the
 /// path of a wrong value ("cells.gap"), in whatever part of the scene.
 SceneFile read_scene(const std::string& path);
-SceneFile parse_scene(const std::string& path, const std::string& text);
+/// \p model: stands for the model where the text names none; empty: it has to, if
+/// something in it needs one.
+SceneFile parse_scene(const std::string& path, const std::string& text,
+                      const std::string& model = "");
 
 /// The scene at \p path; another file is the model of a scene that says nothing else.
 SceneFile scene_or_model(const std::string& path);

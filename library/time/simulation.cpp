@@ -81,21 +81,26 @@ SimulationReport together(SimulationReport objects, const SimulationReport& fles
     return objects;
 }
 
-SimulationInput read_simulation(const SceneFile& scene)
+SimulationInput read_simulation(SceneFile scene,
+                                std::shared_ptr<const GeometryFile> model)
 {
+    if (!scene.is_in_time())
+        throw malformed({scene.path, 0, scene.is_simulated ? "rods" : "simulate"},
+                        "is missing: there is nothing to simulate");
     SimulationInput input;
     if (!scene.has_flesh() && !scene.time.carries())
     {
-        input.scene = scene;
         input.warnings = scene.warnings;
         if (!scene.model.empty())
             input.warnings.push_back(
                 at({scene.path, 0, "model"}, "no rod carries it, it is left out"));
+        input.scene = std::move(scene);
         return input;
     }
-    SessionRequest request = request_of(scene, ForTime::Yes);
-    input.model = std::make_shared<const GeometryFile>(
-        read_geometry(request.scene.model, request.read));
+    SessionRequest request = request_of(std::move(scene), ForTime::Yes);
+    input.model = model ? std::move(model)
+                        : std::make_shared<const GeometryFile>(
+                              read_geometry(request.scene.model, request.read));
     input.scene = std::move(request.scene);
     input.handles = std::move(request.handles).value_or(HandleFile());
     input.settings = std::move(request.settings);

@@ -38,9 +38,11 @@ struct SimulationInput
     bool is_tight = false; ///< linear systems of flesh are solved to 1e-10
 };
 
-/// Reads the model and the handle file of a scene. Throws what their readers throw.
-/// \pre scene.is_in_time()
-SimulationInput read_simulation(const SceneFile& scene);
+/// Reads the handle file of a scene, and its model unless \p model stands for it. Throws
+/// what their readers throw, and Fault::Malformed for a scene in which nothing moves in
+/// time.
+SimulationInput read_simulation(SceneFile scene,
+                                std::shared_ptr<const GeometryFile> model = nullptr);
 
 /// The shapes of a scene in time at one moment, in one unit.
 struct ShapesInTime
