@@ -14,7 +14,7 @@ ROOMS = {
     "io/base": {"io/base"},
     "io/formats": {"io/formats", "io/import", "io/base"},
     "io/import": {"io/import", "io/formats", "io/base", "octree/base"},
-    "io/scene": {"io/scene", "io/formats", "io/base"},
+    "io/scene": {"io/scene", "io/formats", "io/base", "octree/base"},
     "io/journal": {"io/journal", "io/base"},
     "octree/base": {"octree/base"},
     "octree": {"octree", "octree/wrap", "octree/base"},

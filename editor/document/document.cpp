@@ -460,7 +460,7 @@ const EditedRegion* Document::region(const std::string& name) const
 }
 
 std::vector<Motion> Document::joint_motions(const std::string& joint,
-                                            const Placement& to) const
+                                            const RigidMove& to) const
 {
     const State& s = *state_;
     if (!s.skeleton)

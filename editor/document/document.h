@@ -86,7 +86,7 @@ public:
     /// Of the joints, in their order, from rest [work]; \p joint: one that the hand has
     /// at a placement, or none.
     std::vector<Motion> joint_motions(const std::string& joint,
-                                      const Placement& to) const;
+                                      const RigidMove& to) const;
     /// The joints of the current stage at rest; none: it has no skeleton.
     std::vector<PosedJoint> joints_at_rest() const;
     /// Number of frames that no key of the scene states.
@@ -133,7 +133,7 @@ public:
     void set_role(const std::string& region, Role role, double factor = 1.0);
     /// Adds a frame. One that takes a flat model out of the plane that it is kept in by
     /// default lets it bend in space from the first frame on: cells.flat is false then.
-    void move_region(const std::string& region, const Placement& placement);
+    void move_region(const std::string& region, const RigidMove& placement);
     /// A joint that is held at its place is so no longer.
     void release_joint(const std::string& joint);
     /// Makes a rod or a curve of rest coordinates. Gives its name.

@@ -327,7 +327,7 @@ void Document::set_role(const std::string& region, Role role, double factor)
     s.push_regions("Make " + region + " " + role_name(role), drafts);
 }
 
-void Document::move_region(const std::string& region, const Placement& placement)
+void Document::move_region(const std::string& region, const RigidMove& placement)
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
@@ -340,17 +340,17 @@ void Document::move_region(const std::string& region, const Placement& placement
         throw usage("a place needs finite numbers");
     if (!old.knows_placement)
         throw usage(in_quotes(region) + kNoRest);
-    Placement to = placement;
+    RigidMove to = placement;
     if (old.role == Role::Pin)
         to.degrees = 0.0; // it turns as it likes
     if (to.degrees == 0.0)
     {
         to.axis = old.placement.axis;
-        to.about = old.placement.about;
+        to.pivot = old.placement.pivot;
     }
-    if (to.about && !to.about->allFinite())
+    if (to.pivot && !to.pivot->allFinite())
         throw usage("a pivot needs finite numbers");
-    if (const RegionGround on = s.ground(); to.about && !can_tell(*to.about, on.units))
+    if (const RegionGround on = s.ground(); to.pivot && !can_tell(*to.pivot, on.units))
     {
         EditedRegion moved = old;
         moved.placement = to;
@@ -358,8 +358,8 @@ void Document::move_region(const std::string& region, const Placement& placement
     }
     // The middle of a region's box depends on whether the model is kept in its plane.
     if (const auto plane = s.default_plane();
-        plane && plane->is_askew() && to.degrees != 0.0 && !to.about)
-        to.about = old.centre;
+        plane && plane->is_askew() && to.degrees != 0.0 && !to.pivot)
+        to.pivot = old.centre;
     if (is_at(old, to))
         return;
     const bool turns = to.degrees != old.placement.degrees;

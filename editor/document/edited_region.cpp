@@ -68,25 +68,25 @@ Eigen::Vector3d model_point(const Eigen::Vector3d& given, const Units& units)
                              : given;
 }
 
-Operation rotation(const Placement& to, const RegionGround& ground)
+Operation rotation(const RigidMove& to, const RegionGround& ground)
 {
     Operation operation;
     operation.kind = Operation::Kind::Rotate;
-    operation.vector = to.axis;
-    operation.degrees = to.degrees;
-    if (to.about)
-        operation.about = given_point(*to.about, ground.units);
+    operation.move.axis = to.axis;
+    operation.move.degrees = to.degrees;
+    if (to.pivot)
+        operation.move.pivot = given_point(*to.pivot, ground.units);
     return operation;
 }
 
-Operation translation(const Placement& to, const RegionGround& ground)
+Operation translation(const RigidMove& to, const RegionGround& ground)
 {
     Operation operation;
-    operation.vector = given_vector(to.translation, ground.units);
+    operation.move.translation = given_vector(to.translation, ground.units);
     return operation;
 }
 
-FrameStatement frame_to(const EditedRegion& region, const Placement& to,
+FrameStatement frame_to(const EditedRegion& region, const RigidMove& to,
                         std::int64_t number, const RegionGround& ground)
 {
     Move move;
@@ -138,10 +138,10 @@ namespace
 {
 
 /// As a turn about the centre and a shift.
-Placement placement_by(const Motion& motion, const Eigen::Vector3d& centre,
+RigidMove placement_by(const Motion& motion, const Eigen::Vector3d& centre,
                        const WorkFrame& frame)
 {
-    Placement placement;
+    RigidMove placement;
     placement.translation = frame.vector_to_model(motion(centre) - centre);
     const Eigen::AngleAxisd turn(
         Eigen::Matrix3d(frame.axes.transpose() * motion.R * frame.axes));
@@ -155,33 +155,34 @@ Placement placement_by(const Motion& motion, const Eigen::Vector3d& centre,
 
 } // namespace
 
-Placement placement_of(const Move& move, const EditedRegion& region,
+RigidMove placement_of(const Move& move, const EditedRegion& region,
                        const RegionGround& ground)
 {
-    Placement placement;
+    RigidMove placement;
     if (is_plain(move.operations))
     {
         for (const Operation& operation : move.operations)
             if (operation.kind == Operation::Kind::Rotate)
             {
-                placement.axis = unit(operation.vector);
-                placement.degrees = operation.degrees;
-                placement.about =
+                const RigidMove& turn = operation.move;
+                placement.axis = unit(turn.axis);
+                placement.degrees = turn.degrees;
+                placement.pivot =
                     operation.is_about_border ? region.border
-                    : operation.about
-                        ? std::optional(model_point(*operation.about, ground.units))
-                        : std::nullopt;
+                    : turn.pivot ? std::optional(model_point(*turn.pivot, ground.units))
+                                 : std::nullopt;
             }
             else
-                placement.translation = model_vector(operation.vector, ground.units);
+                placement.translation =
+                    model_vector(operation.move.translation, ground.units);
         return placement;
     }
     const WorkFrame& frame = ground.units.frame;
     const Eigen::Vector3d centre = frame.to_work(region.centre);
     std::vector<std::string> warnings;
     const Eigen::Vector3d border = region.border ? frame.to_work(*region.border) : centre;
-    const std::vector<Step> steps = steps_of(move, ground.units, {centre, border, centre},
-                                             ground.file.path, warnings);
+    const std::vector<MoveStep> steps = steps_of(
+        move, ground.units, {centre, border, centre}, ground.file.path, warnings);
     return placement_by(motion_of(steps), centre, frame);
 }
 
@@ -280,7 +281,7 @@ FrameStatement frame_of_point(const EditedRegion& region, std::size_t point,
     {
         Operation& operation = move.operations.emplace_back();
         operation.kind = Operation::Kind::Turn;
-        operation.degrees = *to.degrees;
+        operation.move.degrees = *to.degrees;
     }
     return {number, {move}, 0};
 }
@@ -322,17 +323,15 @@ SplineStatement line_of(const RodShape& shape, Role role, const RegionGround& gr
     return like;
 }
 
-Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
+Motion motion_of(const RigidMove& placement, const Eigen::Vector3d& centre,
                  const WorkFrame& frame)
 {
-    Step turn;
-    turn.kind = Step::Kind::Rotate;
-    turn.vector = frame.axes * placement.axis;
-    turn.angle = placement.degrees * std::numbers::pi / 180.0;
-    turn.about = frame.to_work(placement.about.value_or(centre));
-    Step shift;
-    shift.vector = frame.vector_to_work(placement.translation);
-    return motion_of({turn, shift});
+    RigidMove turn, shift;
+    turn.axis = frame.axes * placement.axis;
+    turn.degrees = placement.degrees;
+    turn.pivot = frame.to_work(placement.pivot.value_or(centre));
+    shift.translation = frame.vector_to_work(placement.translation);
+    return motion_of(std::vector<MoveStep>{turn, shift});
 }
 
 Motion motion_of(const EditedRegion& region)
@@ -347,22 +346,22 @@ bool can_tell(const Eigen::Vector3d& place, const Units& units)
            (size > 0.0 || place.array() == units.box.low.array()).all();
 }
 
-Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region)
+RigidMove about(const Eigen::Vector3d& pivot, const EditedRegion& region)
 {
-    Placement placement = region.placement;
+    RigidMove placement = region.placement;
     if (pivot == region.pivot())
         return placement;
-    placement.about.reset();
+    placement.pivot.reset();
     if (pivot != region.centre)
-        placement.about = pivot;
+        placement.pivot = pivot;
     if (placement.degrees != 0.0)
         placement.translation = motion_of(region)(pivot) - pivot;
     return placement;
 }
 
-bool is_at(const EditedRegion& region, const Placement& placement)
+bool is_at(const EditedRegion& region, const RigidMove& placement)
 {
-    return placement == about(placement.about.value_or(region.centre), region);
+    return placement == about(placement.pivot.value_or(region.centre), region);
 }
 
 Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d& place)
@@ -397,12 +396,12 @@ std::vector<EditedRegion> edited_joints(const SkeletonHandle& skeleton,
     return joints;
 }
 
-Move joint_move(const EditedRegion& joint, const Placement& to,
+Move joint_move(const EditedRegion& joint, const RigidMove& to,
                 const RegionGround& ground)
 {
     Move move;
     move.region = joint.name;
-    const bool is_rest = to == Placement(); // of its own turn, wherever the others are
+    const bool is_rest = to == RigidMove(); // of its own turn, wherever the others are
     if (!is_rest && !joint.joint->is_root &&
         to.translation != joint.placement.translation)
     {
@@ -420,24 +419,24 @@ Move joint_move(const EditedRegion& joint, const Placement& to,
     const Eigen::AngleAxisd turn(own);
     Operation& operation = move.operations.emplace_back();
     operation.kind = Operation::Kind::Rotate;
-    operation.vector = turn.axis();
-    operation.degrees = turn.angle() * 180.0 / std::numbers::pi;
+    operation.move.axis = turn.axis();
+    operation.move.degrees = turn.angle() * 180.0 / std::numbers::pi;
     if (joint.joint->is_root)
         move.operations.push_back(translation(to, ground));
     return move;
 }
 
-std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placement& to,
+std::vector<FrameStatement> frames_to(const EditedRegion& region, const RigidMove& to,
                                       std::int64_t number, const RegionGround& ground)
 {
     if (region.joint)
         return {{number, {joint_move(region, to, ground)}, 0}};
     std::vector<FrameStatement> frames;
     // Told as a turn about the same place as the new one.
-    const Placement from = about(to.about.value_or(region.centre), region);
+    const RigidMove from = about(to.pivot.value_or(region.centre), region);
     // The way is clear where the operations are the same as before: from rest they are.
     const bool is_new_axis = from.degrees == 0.0
-                                 ? from.translation != Placement().translation
+                                 ? from.translation != RigidMove().translation
                                  : from.axis != to.axis;
     EditedRegion on_the_way = region;
     if (!is_new_axis && from.degrees != 0.0 && from != region.placement)

@@ -15,23 +15,11 @@
 #include "library/session/handle_trajectory.h"
 #include "library/session/skeleton_handle.h"
 #include "library/session/spline_handle.h"
+#include "octree/base/rigid_move.h"
 #include "octree/coincident_samples.h"
 
 namespace cellwarp::core
 {
-
-/// Where a region has been moved to from its rest shape: turned about its pivot, then
-/// shifted.
-struct Placement
-{
-    Eigen::Vector3d axis = Eigen::Vector3d::UnitX(); ///< unit
-    double degrees = 0.0;                            ///< any number of turns
-    /// The pivot, at rest [model unit]; none: the centre of the rest samples' box.
-    std::optional<Eigen::Vector3d> about = {};
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero(); ///< [model unit]
-
-    bool operator==(const Placement&) const = default;
-};
 
 /// A point of a rod or curve as it is written, and what is said of it at the current
 /// edit.
@@ -79,7 +67,9 @@ struct EditedRegion
     double factor = 1.0;                              ///< of a stiff region
     std::vector<std::uint32_t> samples;               ///< ascending
     Eigen::Vector3d centre = Eigen::Vector3d::Zero(); ///< Region::centre [model unit]
-    Placement placement;                              ///< at the current edit
+    /// From rest to the current edit: its axis is unit, without a pivot it turns about
+    /// the centre [model unit].
+    RigidMove placement;
     /// Where its glue to free material is at rest, where the cells are known [model
     /// unit].
     std::optional<Eigen::Vector3d> border = {};
@@ -110,7 +100,7 @@ struct EditedRegion
         return frame.to_model(spline->rest()->at(s).place);
     }
     /// What its placement turns about, at rest [model unit].
-    Eigen::Vector3d pivot() const { return placement.about.value_or(centre); }
+    Eigen::Vector3d pivot() const { return placement.pivot.value_or(centre); }
     bool is_guided() const { return !guide.empty(); }
     bool is_spline() const { return role == Role::Rod || role == Role::Curve; }
     bool moves() const
@@ -142,7 +132,7 @@ std::vector<EditedRegion> edited_joints(const SkeletonHandle& skeleton,
 
 /// What takes a joint to a placement: a turn of itself, or of those above it so that it
 /// comes to its place.
-Move joint_move(const EditedRegion& joint, const Placement& to,
+Move joint_move(const EditedRegion& joint, const RigidMove& to,
                 const RegionGround& ground);
 
 /// A list of samples as a selector.
@@ -150,7 +140,7 @@ Selector selector_of(const std::vector<std::uint32_t>& samples);
 
 /// Where a move puts a region; one that turns about its border: where that is known, else
 /// about its centre. Throws what steps_of() throws.
-Placement placement_of(const Move& move, const EditedRegion& region,
+RigidMove placement_of(const Move& move, const EditedRegion& region,
                        const RegionGround& ground);
 /// Whether that is the same on any rest shape.
 bool is_placed_anywhere(const Move& move, const RegionGround& ground);
@@ -189,7 +179,7 @@ SplineStatement line_of(const RodShape& shape, Role role, const RegionGround& gr
 Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d& place);
 
 /// A region's placement as a motion of work space.
-Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
+Motion motion_of(const RigidMove& placement, const Eigen::Vector3d& centre,
                  const WorkFrame& frame);
 /// The same of model space.
 Motion motion_of(const EditedRegion& region);
@@ -200,15 +190,15 @@ bool can_tell(const Eigen::Vector3d& place, const Units& units);
 
 /// The placement that moves the region alike, told as a turn about another place at rest
 /// [model unit].
-Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region);
+RigidMove about(const Eigen::Vector3d& pivot, const EditedRegion& region);
 
 /// Whether a placement, whatever it turns about, is where the region is.
-bool is_at(const EditedRegion& region, const Placement& placement);
+bool is_at(const EditedRegion& region, const RigidMove& placement);
 
 /// The frames that take a region to a placement, numbers from \p number on: one, or two
 /// where the way would not be clear from its end alone (more than half a turn about a new
 /// axis, a turn goes on about another pivot).
-std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placement& to,
+std::vector<FrameStatement> frames_to(const EditedRegion& region, const RigidMove& to,
                                       std::int64_t number, const RegionGround& ground);
 
 } // namespace cellwarp::core

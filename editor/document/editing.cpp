@@ -32,10 +32,10 @@ bool is_done(const Future& future)
            future.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
-bool is_finite(const Placement& placement)
+bool is_finite(const RigidMove& placement)
 {
     return placement.translation.allFinite() && placement.axis.allFinite() &&
-           (!placement.about || placement.about->allFinite()) &&
+           (!placement.pivot || placement.pivot->allFinite()) &&
            placement.axis.norm() > 0 && std::isfinite(placement.degrees);
 }
 
@@ -56,7 +56,7 @@ struct ActiveDrag
 {
     std::string region;
     std::uint64_t revision = 0; ///< of the document's result, when it was taken
-    Placement to;
+    RigidMove to;
     std::optional<std::size_t> point = {}; ///< of a rod or curve; none: all of it
     PointPlacement point_to = {};
     std::shared_ptr<const RegionSet> regions = {}; ///< of the live drag
@@ -732,7 +732,7 @@ std::optional<DrawnLine> Editing::take_drawn()
     return std::exchange(state_->drawn, std::nullopt);
 }
 
-void Editing::drag_to(const Placement& placement)
+void Editing::drag_to(const RigidMove& placement)
 {
     State& s = *state_;
     if (s.opens_stale_hand() || !s.hand || !is_finite(placement) ||
@@ -748,7 +748,7 @@ void Editing::end_drag()
     if (s.opens_stale_hand() || !s.hand)
         return;
     const std::string region = s.hand->region;
-    const Placement to = s.hand->to;
+    const RigidMove to = s.hand->to;
     const std::optional<std::size_t> point = s.hand->point;
     const PointPlacement point_to = s.hand->point_to;
     const EditedRegion* const held = s.document.region(region);
@@ -779,7 +779,7 @@ std::optional<std::string> Editing::dragged() const
     return state_->hand ? std::optional(state_->hand->region) : std::nullopt;
 }
 
-std::optional<Placement> Editing::dragged_placement() const
+std::optional<RigidMove> Editing::dragged_placement() const
 {
     const auto& hand = state_->hand;
     return hand && !hand->point ? std::optional(hand->to) : std::nullopt;

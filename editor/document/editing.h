@@ -81,13 +81,13 @@ public:
     void drag_point_to(const PointPlacement& to);
     /// Newer places replace older ones that were not shown yet. A place that is not
     /// finite is left out.
-    void drag_to(const Placement& placement);
+    void drag_to(const RigidMove& placement);
     /// Lets go: one edit. Without a change, none.
     void end_drag();
     void cancel_drag();
     std::optional<std::string> dragged() const;
     /// Where the region in the hand is; none while a point of it is, or nothing.
-    std::optional<Placement> dragged_placement() const;
+    std::optional<RigidMove> dragged_placement() const;
 
     /// A frame of a film is seen instead of the shape, and nothing can be taken into the
     /// hand; null: the shape again. \p deformed: the frame as a file holds it; null: it

@@ -201,10 +201,10 @@ DragAmount GizmoDrag::amount(const DragEntry& entry) const
     return amount;
 }
 
-Placement moved(const Placement& start, const Eigen::Vector3d& shift,
+RigidMove moved(const RigidMove& start, const Eigen::Vector3d& shift,
                 const Eigen::Vector3d& axis, double degrees)
 {
-    Placement result = start;
+    RigidMove result = start;
     result.translation += shift;
     if (degrees == 0)
         return result;

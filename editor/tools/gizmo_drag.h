@@ -85,7 +85,7 @@ private:
 /// A region that was at \p start, shifted and turned about its current centre.
 /// \p shift: [model unit]. Turns about one axis add up, however many; those about
 /// different ones become one turn of at most 180 degrees.
-Placement moved(const Placement& start, const Eigen::Vector3d& shift,
+RigidMove moved(const RigidMove& start, const Eigen::Vector3d& shift,
                 const Eigen::Vector3d& axis, double degrees);
 
 } // namespace cellwarp::core

@@ -141,7 +141,7 @@ void Interaction::State::take(const std::string& name, const DragStart& start)
     active_point = start.point;
     EditedRegion held = *region;
     const Eigen::Vector3d pivot = pivot_of(*region);
-    Placement turned = about(pivot, *region);
+    RigidMove turned = about(pivot, *region);
     Eigen::Vector3d centre = place_of(pivot, *region);
     std::optional<PointDrag> point;
     if (start.point)

@@ -98,7 +98,7 @@ Eigen::Vector3d Interaction::State::at_depth(const Eigen::Vector2d& where,
 PointPlacement Interaction::State::point_placement(const HandleDrag& drag) const
 {
     const PointDrag& point = *drag.point;
-    const Placement now = drag.drag.placement();
+    const RigidMove now = drag.drag.placement();
     PointPlacement to;
     if (!now.translation.isZero(0))
         to.place = before_motion(*active_region(), point.place + now.translation);

@@ -35,7 +35,7 @@ double snap_step(double longest_side)
     return power;
 }
 
-RegionDrag::RegionDrag(const EditedRegion& region, const Placement& turned,
+RegionDrag::RegionDrag(const EditedRegion& region, const RigidMove& turned,
                        const DragSpace& space, const Camera& camera,
                        const Eigen::Vector3d& centre,
                        const std::optional<Eigen::Vector3d>& grabbed, const DragWay& way,
@@ -105,7 +105,7 @@ DragAmount RegionDrag::amount() const
     return drag_.amount(entry);
 }
 
-Placement RegionDrag::placement() const
+RigidMove RegionDrag::placement() const
 {
     const DragAmount amount = this->amount();
     // A shift is written as it was, whatever the pivot is.

@@ -33,7 +33,7 @@ public:
     /// \p turned: the region's placement, told as a turn about what it is turned about
     /// from now on, which is at \p centre now [view]. \p grabbed: what the pointer holds,
     /// the centre if none.
-    RegionDrag(const EditedRegion& region, const Placement& turned,
+    RegionDrag(const EditedRegion& region, const RigidMove& turned,
                const DragSpace& space, const Camera& camera,
                const Eigen::Vector3d& centre,
                const std::optional<Eigen::Vector3d>& grabbed, const DragWay& way,
@@ -47,7 +47,7 @@ public:
     /// here.
     bool key(const KeyEvent& event);
 
-    Placement placement() const;
+    RigidMove placement() const;
     Eigen::Vector3d centre() const; ///< now [view]
     bool is_typed() const { return !typed_.empty(); }
     /// "Move X 0.23".
@@ -59,7 +59,7 @@ private:
 
     std::string region_;
     bool can_turn_;
-    Placement start_, turned_;
+    RigidMove start_, turned_;
     DragSpace space_;
     Camera camera_;
     Eigen::Vector3d centre_, grabbed_; ///< where it began [view]

@@ -19,7 +19,7 @@ struct PlacementEntry
     /// The drag has ended, by Escape for instance, but the button is still down.
     bool is_over = false;
     std::string region; ///< that is held
-    Placement value;
+    RigidMove value;
 };
 
 /// What is being typed, and belongs to no document yet.

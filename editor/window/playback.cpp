@@ -452,7 +452,7 @@ void Player::place()
 {
     if (num_words() != 5 && num_words() != 9 && num_words() != 12)
         fail("a region and 3, 7 or 10 numbers are needed");
-    Placement placement;
+    RigidMove placement;
     placement.translation = {number(2), number(3), number(4)};
     if (num_words() > 5)
     {
@@ -463,7 +463,7 @@ void Player::place()
         placement.degrees = number(8);
     }
     if (num_words() > 9)
-        placement.about = Eigen::Vector3d(number(9), number(10), number(11));
+        placement.pivot = Eigen::Vector3d(number(9), number(10), number(11));
     Editing& editing = opened().editing;
     std::string why;
     if (!editing.begin_drag(word(1), &why))

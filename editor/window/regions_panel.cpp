@@ -346,7 +346,7 @@ void show_guide(EditorApp& app, PanelState& state, const EditedRegion& region)
 }
 
 /// Number fields of the placement. \return whether one is in the hand
-bool show_numbers(EditorApp& app, const EditedRegion& region, Placement& value,
+bool show_numbers(EditorApp& app, const EditedRegion& region, RigidMove& value,
                   bool& changed)
 {
     const double diagonal = app.document().box().size().norm();
@@ -497,7 +497,7 @@ void show_active(EditorApp& app, PanelState& state)
     show_pivot(app, region);
     if (region.moves() && ImGui::Button("Back to rest"))
         app.attempt(Place::Regions,
-                    [&] { app.document().move_region(region.name, Placement()); });
+                    [&] { app.document().move_region(region.name, RigidMove()); });
     if (region.moves())
         ImGui::SameLine();
     ImGui::BeginDisabled(app.document().selection().empty() || region.is_spline() ||

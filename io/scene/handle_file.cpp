@@ -299,18 +299,20 @@ Operation parse_operation(Statement& words)
 {
     Operation operation;
     const std::string kind = words.word("operation");
-    if (kind == "translate" || kind == "to")
+    if (kind == "translate")
+        operation.move.translation = words.vector(kind);
+    else if (kind == "to")
     {
-        operation.kind = kind == "to" ? Operation::Kind::To : Operation::Kind::Translate;
+        operation.kind = Operation::Kind::To;
         operation.vector = words.vector(kind);
     }
     else if (kind == "rotate")
     {
         operation.kind = Operation::Kind::Rotate;
-        operation.vector = words.vector("axis");
-        if (operation.vector.isZero(0))
+        operation.move.axis = words.vector("axis");
+        if (operation.move.axis.isZero(0))
             words.fail("axis", "got 0 0 0, need a direction");
-        operation.degrees = words.number("degrees");
+        operation.move.degrees = words.number("degrees");
         if (!words.is_done() && words.peek() == "about")
         {
             words.word("about");
@@ -318,7 +320,7 @@ Operation parse_operation(Statement& words)
             if (operation.is_about_border)
                 words.word("about");
             else
-                operation.about = words.vector("about");
+                operation.move.pivot = words.vector("about");
         }
     }
     else if (kind == "matrix")
@@ -331,7 +333,7 @@ Operation parse_operation(Statement& words)
     else if (kind == "turn")
     {
         operation.kind = Operation::Kind::Turn;
-        operation.degrees = words.number("degrees");
+        operation.move.degrees = words.number("degrees");
     }
     else if (kind == "tangent")
     {
@@ -461,7 +463,7 @@ void check_operation(const Operation& operation, bool is_first, Role role,
     {
         if (is_of_rod || kind == Kind::Matrix)
             words.fail(region, "a joint takes rotate or to; a root translate as well");
-        if (kind == Kind::Rotate && (operation.about || operation.is_about_border))
+        if (kind == Kind::Rotate && (operation.move.pivot || operation.is_about_border))
             words.fail(region, "a joint turns about itself: leave out 'about'");
     }
     else if (place.kind != MovePlace::Kind::Whole)

@@ -19,6 +19,7 @@
 
 #include "io/base/error.h"
 #include "io/scene/skeleton_file.h"
+#include "octree/base/rigid_move.h"
 
 namespace cellwarp::core
 {
@@ -114,18 +115,18 @@ struct Operation
 {
     enum class Kind
     {
-        Translate, ///< vector
-        Rotate,    ///< vector: axis, degrees, about or is_about_border
+        Translate, ///< move.translation
+        Rotate,    ///< the rest of move, or is_about_border
         Matrix,    ///< matrix
         To,        ///< vector: where the pin, the point of a rod, or the joint goes
-        Turn,      ///< degrees, about the tangent of a rod
+        Turn,      ///< move.degrees, about the tangent of a rod
         Tangent    ///< vector: where the tangent of a rod points
     };
     Kind kind = Kind::Translate;
-    Eigen::Vector3d vector = Eigen::Vector3d::Zero();
-    double degrees = 0.0;
-    std::optional<Eigen::Vector3d> about; ///< none: the centre of the region's box
+    RigidMove move =
+        {}; ///< without a pivot it turns about the centre of the region's box
     bool is_about_border = false; ///< the centroid of the glue around the region instead
+    Eigen::Vector3d vector = Eigen::Vector3d::Zero();
     /// Of Kind::Matrix alone: an edit session holds thousands of the other kinds.
     std::shared_ptr<const Eigen::Matrix4d> matrix;
 };

@@ -253,7 +253,7 @@ private:
         {
         case Operation::Kind::Translate:
             word("translate");
-            vector(operation.vector);
+            vector(operation.move.translation);
             break;
         case Operation::Kind::To:
             word("to");
@@ -261,12 +261,12 @@ private:
             break;
         case Operation::Kind::Rotate:
             word("rotate");
-            vector(operation.vector);
-            number(operation.degrees);
-            if (operation.about)
+            vector(operation.move.axis);
+            number(operation.move.degrees);
+            if (operation.move.pivot)
             {
                 word("about");
-                vector(*operation.about);
+                vector(*operation.move.pivot);
             }
             if (operation.is_about_border)
             {
@@ -282,7 +282,7 @@ private:
             break;
         case Operation::Kind::Turn:
             word("turn");
-            number(operation.degrees);
+            number(operation.move.degrees);
             break;
         case Operation::Kind::Tangent:
             word("tangent");

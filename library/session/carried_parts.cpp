@@ -115,16 +115,14 @@ std::vector<PinWay> CarriedParts::pin_ways(std::span<const Motion> from,
         // The targets of rods and curves are found on the way.
         if (before.size() < part.holders.size() || before.empty())
             continue;
-        Step best;
-        best.kind = Step::Kind::Screw;
-        best.motion = best_step(before, after);
-        if (best.motion.R.isIdentity(0))
+        const Motion best = best_step(before, after);
+        if (best.R.isIdentity(0))
             continue;
         for (std::size_t h = 0; h < part.holders.size(); ++h)
             if (const Holder& holder = part.holders[h];
                 holder.is_pin && before[h] != after[h])
                 ways.push_back({holder.step, HandleTrajectory({}, {best}), holder.rest,
-                                before[h], after[h] - best.motion(before[h])});
+                                before[h], after[h] - best(before[h])});
     }
     return ways;
 }

@@ -72,15 +72,18 @@ constexpr double kFarFromBorder = 0.1, kSmallTurn = 15.0;
 /// How far from a region's border an axis passes that a move turns it about for want of
 /// another centre than its box's: so far aside the border is swung; 0: there is none.
 /// \p steps: of the move.
-double off_border(const Move& move, std::span<const Step> steps,
+double off_border(const Move& move, std::span<const MoveStep> steps,
                   const Eigen::Vector3d& border)
 {
     double off = 0.0;
     for (std::size_t k = 0; k < steps.size(); ++k)
-        if (const Operation& o = move.operations[k]; o.kind == Operation::Kind::Rotate &&
-                                                     !o.about && !o.is_about_border &&
-                                                     std::abs(o.degrees) >= kSmallTurn)
-            off = std::max(off, steps[k].vector.cross(border - steps[k].about).norm());
+        if (const Operation& o = move.operations[k];
+            o.kind == Operation::Kind::Rotate && !o.move.pivot && !o.is_about_border &&
+            std::abs(o.move.degrees) >= kSmallTurn)
+        {
+            const RigidMove& turn = std::get<RigidMove>(steps[k]);
+            off = std::max(off, turn.axis.cross(border - *turn.pivot).norm());
+        }
     return off;
 }
 
@@ -219,14 +222,14 @@ void hold_point(const Move& move, const SplineHandle& spline, const Units& units
         switch (operation.kind)
         {
         case Operation::Kind::Translate:
-            place = place.value_or(rest.place) + units.vector(operation.vector);
+            place = place.value_or(rest.place) + units.vector(operation.move.translation);
             break;
         case Operation::Kind::To:
             place = units.point(operation.vector);
             break;
         case Operation::Kind::Turn:
         {
-            const double turn = operation.degrees * std::numbers::pi / 180.0;
+            const double turn = operation.move.degrees * std::numbers::pi / 180.0;
             if (!(std::abs(turn - now.turn) <= kMostParts * kTurnOfPart))
                 throw malformed(
                     {file, move.line, move.region},
@@ -346,7 +349,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
         const ModelBox& box = regions.box(r);
-        std::vector<Step> next = aims[r].steps;
+        std::vector<MoveStep> next = aims[r].steps;
         if (const auto found = moves.find(regions[r].name); found != moves.end())
         {
             const Move& move = *found->second;

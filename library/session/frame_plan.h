@@ -19,7 +19,7 @@ namespace cellwarp::core
 /// Where the statements so far have a region.
 struct RegionAim
 {
-    std::vector<Step> steps;
+    std::vector<MoveStep> steps;
     SplineHolds holds;        ///< of a rod or curve; empty: as at rest
     bool is_on_guide = false; ///< a pin on a curve has come there
     /// Of a rod that is led: where it is; null: at rest.

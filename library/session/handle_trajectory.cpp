@@ -59,50 +59,64 @@ Motion part_of_screw(const Motion& motion, double t, bool is_reversed)
     return part;
 }
 
-Motion motion_of(const Step& step)
+double radians(const RigidMove& turn)
 {
-    switch (step.kind)
+    return turn.degrees * std::numbers::pi / 180.0;
+}
+
+Motion motion_of(const MoveStep& step)
+{
+    if (const Motion* const motion = std::get_if<Motion>(&step))
+        return *motion;
+    const RigidMove& move = std::get<RigidMove>(step);
+    if (!move.pivot)
+        return {Eigen::Matrix3d::Identity(), move.translation};
+    return about_point(rotation_about(move.axis, radians(move)), *move.pivot);
+}
+
+/// Whether both are shifts, turns about the same axis, or matrices.
+bool are_alike(const MoveStep& a, const MoveStep& b)
+{
+    if (a.index() != b.index())
+        return false;
+    const RigidMove *const x = std::get_if<RigidMove>(&a), *const y =
+                                                               std::get_if<RigidMove>(&b);
+    return !x || (x->pivot.has_value() == y->pivot.has_value() &&
+                  (!x->pivot || x->axis == y->axis));
+}
+
+MoveStep at_zero(const MoveStep& step)
+{
+    if (std::holds_alternative<Motion>(step))
+        return Motion();
+    RigidMove move = std::get<RigidMove>(step);
+    move.translation.setZero();
+    move.degrees = 0.0;
+    return move;
+}
+
+/// By how much more \p to turns [rad]; a matrix has no turns.
+double turn_between(const MoveStep& from, const MoveStep& to)
+{
+    const RigidMove* const move = std::get_if<RigidMove>(&to);
+    return move ? radians(*move) - radians(std::get<RigidMove>(from)) : 0.0;
+}
+
+/// \pre Both are alike.
+Motion between(const MoveStep& from, const MoveStep& to, double t, bool is_reversed)
+{
+    if (const Motion* const end = std::get_if<Motion>(&to))
     {
-    case Step::Kind::Translate:
-        return {Eigen::Matrix3d::Identity(), step.vector};
-    case Step::Kind::Rotate:
-        return about_point(rotation_about(step.vector, step.angle), step.about);
-    case Step::Kind::Screw:
-        return step.motion;
+        const Motion& begin = std::get<Motion>(from);
+        return part_of_screw(*end * inverse(begin), t, is_reversed) * begin;
     }
-    return {};
-}
-
-bool are_same(const std::vector<Step>& a, const std::vector<Step>& b)
-{
-    return a.size() == b.size() &&
-           std::equal(a.begin(), a.end(), b.begin(),
-                      [](const Step& x, const Step& y) {
-                          return x.kind == y.kind &&
-                                 (x.kind != Step::Kind::Rotate || x.vector == y.vector);
-                      });
-}
-
-Step at_zero(Step step)
-{
-    step.angle = 0.0;
-    step.motion = Motion();
-    if (step.kind == Step::Kind::Translate)
-        step.vector.setZero();
-    return step;
-}
-
-Step between(const Step& from, const Step& to, double t, bool is_reversed)
-{
-    Step step = to;
-    step.angle = from.angle + t * (to.angle - from.angle);
-    step.about = from.about + t * (to.about - from.about);
-    if (to.kind == Step::Kind::Translate)
-        step.vector = from.vector + t * (to.vector - from.vector);
-    if (to.kind == Step::Kind::Screw)
-        step.motion =
-            part_of_screw(to.motion * inverse(from.motion), t, is_reversed) * from.motion;
-    return step;
+    const RigidMove &a = std::get<RigidMove>(from), &b = std::get<RigidMove>(to);
+    if (!b.pivot)
+        return {Eigen::Matrix3d::Identity(),
+                a.translation + t * (b.translation - a.translation)};
+    const double angle = radians(a) + t * turn_between(from, to);
+    const Eigen::Vector3d pivot = *a.pivot + t * (*b.pivot - *a.pivot);
+    return about_point(rotation_about(b.axis, angle), pivot);
 }
 
 /// Once for each region and side: its other moves are as little.
@@ -162,59 +176,62 @@ Eigen::Vector3d Units::vector(const Eigen::Vector3d& given) const
         is_relative ? Eigen::Vector3d(given.cwiseProduct(box.size())) : given);
 }
 
-std::vector<Step> steps_of(const Move& move, const Units& units, const MoveGround& ground,
-                           const std::string& file, std::vector<std::string>& warnings)
+std::vector<MoveStep> steps_of(const Move& move, const Units& units,
+                               const MoveGround& ground, const std::string& file,
+                               std::vector<std::string>& warnings)
 {
-    std::vector<Step> steps;
+    std::vector<MoveStep> steps;
     for (const Operation& operation : move.operations)
     {
-        Step step;
+        RigidMove step;
+        Motion motion;
+        const bool is_matrix = operation.kind == Operation::Kind::Matrix;
         switch (operation.kind)
         {
         case Operation::Kind::Translate:
-            warn_of_flat_sides(operation.vector, units, {file, 0, move.region}, warnings);
-            step.vector = units.vector(operation.vector);
+            warn_of_flat_sides(operation.move.translation, units, {file, 0, move.region},
+                               warnings);
+            step.translation = units.vector(operation.move.translation);
             break;
         case Operation::Kind::To:
             warn_of_flat_sides(operation.vector, units, {file, 0, move.region}, warnings);
-            step.vector = units.point(operation.vector) - ground.place;
+            step.translation = units.point(operation.vector) - ground.place;
             break;
         case Operation::Kind::Turn: // of the points of rods: frame_plan.cpp
         case Operation::Kind::Tangent:
             break;
         case Operation::Kind::Rotate:
         {
-            step.kind = Step::Kind::Rotate;
-            const double largest = operation.vector.cwiseAbs().maxCoeff();
-            const Eigen::Vector3d axis = (operation.vector / largest).normalized();
-            step.vector = units.frame.axes * axis;
-            step.angle = operation.degrees * std::numbers::pi / 180.0;
-            step.about = operation.about             ? units.point(*operation.about)
+            const RigidMove& given = operation.move;
+            const double largest = given.axis.cwiseAbs().maxCoeff();
+            const Eigen::Vector3d axis = (given.axis / largest).normalized();
+            step.axis = units.frame.axes * axis;
+            step.degrees = given.degrees;
+            step.pivot = given.pivot                 ? units.point(*given.pivot)
                          : operation.is_about_border ? ground.border
                                                      : ground.centre;
             break;
         }
         case Operation::Kind::Matrix:
-            step.kind = Step::Kind::Screw;
             warn_of_flat_sides(operation.matrix->topRightCorner<3, 1>(), units,
                                {file, 0, move.region}, warnings);
-            step.motion = rigid_motion(
-                operation, units, {file, move.line, move.region + ": matrix"}, warnings);
+            motion = rigid_motion(operation, units,
+                                  {file, move.line, move.region + ": matrix"}, warnings);
             break;
         }
-        if (!step.vector.allFinite() || !step.about.allFinite() ||
-            !step.motion.t.allFinite())
+        if (!step.translation.allFinite() || !step.axis.allFinite() ||
+            (step.pivot && !step.pivot->allFinite()) || !motion.t.allFinite())
             throw malformed({file, move.line, move.region},
                             "moves beyond what numbers can hold");
-        steps.push_back(step);
+        steps.push_back(is_matrix ? MoveStep(motion) : MoveStep(step));
     }
     return steps;
 }
 
-Motion motion_of(const std::vector<Step>& steps)
+Motion motion_of(const std::vector<MoveStep>& steps)
 {
     Motion motion;
-    for (const Step& step : steps)
+    for (const MoveStep& step : steps)
         motion = motion_of(step) * motion;
     return motion;
 }
@@ -227,12 +244,12 @@ int parts_of_way(double turn, double way)
         std::clamp(std::ceil(parts), 1.0, static_cast<double>(kMostParts)));
 }
 
-HandleTrajectory::HandleTrajectory(std::vector<Step> from, std::vector<Step> to)
+HandleTrajectory::HandleTrajectory(std::vector<MoveStep> from, std::vector<MoveStep> to)
     : from_(std::move(from)), to_(std::move(to))
 {
     if (from_.empty())
         std::transform(to_.begin(), to_.end(), std::back_inserter(from_), at_zero);
-    is_same_ = are_same(from_, to_);
+    is_same_ = std::equal(from_.begin(), from_.end(), to_.begin(), to_.end(), are_alike);
 }
 
 Motion HandleTrajectory::at(double t) const
@@ -244,16 +261,16 @@ Motion HandleTrajectory::at(double t) const
         const Motion from = motion_of(from_);
         return part_of_screw(motion_of(to_) * inverse(from), t, is_reversed_) * from;
     }
-    std::vector<Step> steps;
+    Motion motion;
     for (std::size_t i = 0; i < to_.size(); ++i)
-        steps.push_back(between(from_[i], to_[i], t, is_reversed_));
-    return motion_of(steps);
+        motion = between(from_[i], to_[i], t, is_reversed_) * motion;
+    return motion;
 }
 
 bool HandleTrajectory::is_wound() const
 {
-    const auto winds = [](const Step& step)
-    { return std::abs(step.angle) > std::numbers::pi; };
+    const auto winds = [](const MoveStep& step)
+    { return std::abs(turn_between(at_zero(step), step)) > std::numbers::pi; };
     return std::any_of(from_.begin(), from_.end(), winds) ||
            std::any_of(to_.begin(), to_.end(), winds);
 }
@@ -265,8 +282,8 @@ std::vector<Motion> HandleTrajectory::screws() const
         return {motion_of(to_) * inverse(motion_of(from_))};
     std::vector<Motion> screws;
     for (std::size_t i = 0; i < to_.size(); ++i)
-        if (to_[i].kind == Step::Kind::Screw)
-            screws.push_back(to_[i].motion * inverse(from_[i].motion));
+        if (const Motion* const to = std::get_if<Motion>(&to_[i]))
+            screws.push_back(*to * inverse(std::get<Motion>(from_[i])));
     return screws;
 }
 
@@ -307,7 +324,7 @@ int HandleTrajectory::num_parts(const Eigen::Vector3d& low, const Eigen::Vector3
     // Whole turns between two probes would not be seen.
     double wound = 0.0;
     for (std::size_t i = 0; is_same_ && i < to_.size(); ++i)
-        wound += std::abs(to_[i].angle - from_[i].angle);
+        wound += std::abs(turn_between(from_[i], to_[i]));
     turn = std::max(turn, wound);
     const double way = *std::max_element(ways.begin(), ways.end());
     return parts_of_way(turn, diagonal > 0 ? way / diagonal : 0.0);

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,6 +14,7 @@
 #include "io/scene/handle_file.h"
 #include "library/session/work_frame.h"
 #include "octree/base/rigid_motion.h"
+#include "octree/base/rigid_move.h"
 
 namespace cellwarp::core
 {
@@ -30,21 +32,9 @@ struct Units
     Eigen::Vector3d vector(const Eigen::Vector3d& given) const; ///< [work]
 };
 
-/// One operation as a motion of work space that can be taken in part.
-struct Step
-{
-    enum class Kind
-    {
-        Translate,
-        Rotate,
-        Screw
-    };
-    Kind kind = Kind::Translate;
-    Eigen::Vector3d vector = Eigen::Vector3d::Zero(); ///< translation, or unit axis
-    double angle = 0.0;                               ///< [rad]
-    Eigen::Vector3d about = Eigen::Vector3d::Zero();
-    Motion motion; ///< of a Screw
-};
+/// One operation in work space, which can be done in part: a shift, or a turn about a
+/// unit axis, which has a pivot; or the motion of a matrix.
+using MoveStep = std::variant<RigidMove, Motion>;
 
 /// What the moves of a region refer to, at rest [work].
 struct MoveGround
@@ -57,8 +47,9 @@ struct MoveGround
 /// Operations in the order written, in work coordinates. A matrix that is no rigid motion
 /// to 1e-4 is Fault::Malformed; one that is off by more than 1e-6 is mended and gives a
 /// warning.
-std::vector<Step> steps_of(const Move& move, const Units& units, const MoveGround& ground,
-                           const std::string& file, std::vector<std::string>& warnings);
+std::vector<MoveStep> steps_of(const Move& move, const Units& units,
+                               const MoveGround& ground, const std::string& file,
+                               std::vector<std::string>& warnings);
 
 /// What a frame is gone in: parts of at most this turn [rad], and this way of what is to
 /// be beside [diagonal, or another length]; so many at the most.
@@ -69,7 +60,7 @@ inline constexpr int kMostParts = 64;
 int parts_of_way(double turn, double way);
 
 /// All steps, one after the other.
-Motion motion_of(const std::vector<Step>& steps);
+Motion motion_of(const std::vector<MoveStep>& steps);
 
 /// The way of one region from its last steps to its new ones: step by step where
 /// both lists have the same operations (no list counts as the same at zero), else
@@ -79,7 +70,7 @@ class HandleTrajectory
 {
 public:
     HandleTrajectory() = default;
-    HandleTrajectory(std::vector<Step> from, std::vector<Step> to);
+    HandleTrajectory(std::vector<MoveStep> from, std::vector<MoveStep> to);
 
     /// \p t in [0, 1]; exactly the new motion at 1.
     Motion at(double t) const;
@@ -99,7 +90,7 @@ public:
 private:
     std::vector<Motion> screws() const;
 
-    std::vector<Step> from_, to_;
+    std::vector<MoveStep> from_, to_;
     bool is_same_ = true, is_reversed_ = false;
 };
 

@@ -118,11 +118,13 @@ void add(Fingerprint& fingerprint, const FrameStatement& frame)
         {
             fingerprint.add(number_of(operation.kind));
             fingerprint.add(operation.vector);
-            fingerprint.add(operation.degrees);
-            fingerprint.add(std::uint64_t(operation.about.has_value()) +
+            fingerprint.add(operation.move.translation);
+            fingerprint.add(operation.move.axis);
+            fingerprint.add(operation.move.degrees);
+            fingerprint.add(std::uint64_t(operation.move.pivot.has_value()) +
                             2 * operation.is_about_border);
-            if (operation.about)
-                fingerprint.add(*operation.about);
+            if (operation.move.pivot)
+                fingerprint.add(*operation.move.pivot);
             if (operation.matrix)
                 for (int k = 0; k < 16; ++k)
                     fingerprint.add(operation.matrix->data()[k]);

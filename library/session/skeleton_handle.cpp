@@ -137,8 +137,8 @@ Operation turn_operation(const Quaterniond& turn)
     operation.kind = Operation::Kind::Rotate;
     // Beyond half a turn as the sign says: so half a turn from there goes on.
     const double sine = turn.vec().norm();
-    operation.degrees = 2.0 * std::atan2(sine, turn.w()) / kDegree;
-    operation.vector = sine > 1e-15 ? Vector3d(turn.vec() / sine) : Vector3d::UnitZ();
+    operation.move.degrees = 2.0 * std::atan2(sine, turn.w()) / kDegree;
+    operation.move.axis = sine > 1e-15 ? Vector3d(turn.vec() / sine) : Vector3d::UnitZ();
     return operation;
 }
 
@@ -286,14 +286,14 @@ void SkeletonHandle::apply(const Move& move, const Units& units, SkeletonAim& to
         {
             turns = true;
             turn = Quaterniond(Eigen::AngleAxisd(
-                       std::remainder(operation.degrees, 720.0) * kDegree,
-                       units.frame.axes * direction(operation.vector))) *
+                       std::remainder(operation.move.degrees, 720.0) * kDegree,
+                       units.frame.axes * direction(operation.move.axis))) *
                    turn;
         }
         else
         {
             shifts = true;
-            shift += units.vector(operation.vector);
+            shift += units.vector(operation.move.translation);
         }
     // What a move does not speak of it does not keep either: moves are absolute.
     to.turns[idx(joint)] = turn.normalized();
@@ -392,7 +392,7 @@ std::vector<Move> KeyedJoints::moves_at(double time) const
     for (const auto& [joint, keys] : tracks_->shifts)
     {
         Operation operation;
-        operation.vector = pose.shifts[joint];
+        operation.move.translation = pose.shifts[joint];
         move_of(joint).operations.push_back(operation);
     }
     std::vector<Move> out;

@@ -601,8 +601,8 @@ std::optional<Move> FleshSimulation::pointed(const std::string& joint,
         Operation turn;
         turn.kind = Operation::Kind::Rotate;
         const Vector3d vector = axes.transpose() * rotation_vector(R);
-        turn.degrees = vector.norm() * 180.0 / std::numbers::pi;
-        turn.vector =
+        turn.move.degrees = vector.norm() * 180.0 / std::numbers::pi;
+        turn.move.axis =
             vector.isZero(0.0) ? Vector3d::UnitZ() : Vector3d(vector.normalized());
         return turn;
     };
@@ -612,7 +612,7 @@ std::optional<Move> FleshSimulation::pointed(const std::string& joint,
     {
         move.region = joint;
         Operation shift;
-        shift.vector =
+        shift.move.translation =
             model_->to_model(model_->to_metres(place)) -
             model_->to_model(model_->metre * model_->skeleton->place(idx(number)));
         move.operations = {turn_of(motions[idx(number)].R), shift};
@@ -631,7 +631,7 @@ std::optional<Move> FleshSimulation::pointed(const std::string& joint,
     if (above < 0) // its shift stays
     {
         Operation shift;
-        shift.vector =
+        shift.move.translation =
             model_->to_model(now(parent)) -
             model_->to_model(model_->metre * model_->skeleton->place(idx(parent)));
         move.operations.push_back(shift);

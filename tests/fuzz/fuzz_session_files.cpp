@@ -35,10 +35,13 @@ void require_same(const Move& a, const Move& b)
     {
         const Operation &x = a.operations[k], &y = b.operations[k];
         require(x.kind == y.kind && same_bits(x.vector, y.vector));
-        require(std::memcmp(&x.degrees, &y.degrees, sizeof x.degrees) == 0);
+        const RigidMove &moves = x.move, &others = y.move;
+        require(same_bits(moves.translation, others.translation));
+        require(same_bits(moves.axis, others.axis));
+        require(std::memcmp(&moves.degrees, &others.degrees, sizeof moves.degrees) == 0);
         require(x.is_about_border == y.is_about_border);
-        require(x.about.has_value() == y.about.has_value());
-        require(!x.about || same_bits(*x.about, *y.about));
+        require(moves.pivot.has_value() == others.pivot.has_value());
+        require(!moves.pivot || same_bits(*moves.pivot, *others.pivot));
         require(!x.matrix == !y.matrix);
         require(!x.matrix || same_bits(*x.matrix, *y.matrix));
     }

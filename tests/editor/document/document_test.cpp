@@ -45,9 +45,9 @@ struct Bar : support::BarDocument
     }
 };
 
-Placement shifted(double x)
+RigidMove shifted(double x)
 {
-    Placement placement;
+    RigidMove placement;
     placement.translation.x() = x;
     return placement;
 }
@@ -161,7 +161,7 @@ TEST(Document, moves_keep_their_turns_and_write_what_a_file_means)
     const Bar bar;
     Document document = bar.open();
     hold_ends(document);
-    Placement to = shifted(0.5);
+    RigidMove to = shifted(0.5);
     document.move_region("head", to);
     to.axis = Eigen::Vector3d::UnitZ();
     to.degrees = 400;
@@ -189,7 +189,7 @@ TEST(Document, reads_placements_from_any_operations)
                "{\"cellwarp\": 1, \"model\": \"bar.obj\", \"handles\": \"s.handles\"}",
                Overwrite::No);
     const Document document(bar.folder / "s.json", "");
-    const Placement& placement = document.region("head")->placement;
+    const RigidMove& placement = document.region("head")->placement;
     EXPECT_NEAR(placement.degrees, 90, 1e-9);
     EXPECT_LT((placement.axis - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
     // The centre (0.5, 0.5, 3.5) goes to (-0.5, 0.5, 4.5).
@@ -211,8 +211,8 @@ TEST(Document, reads_and_writes_pivots_in_the_units_of_the_file)
                             "move head rotate 1 0 0 90 about " +
                             pivot + "\n"),
             "");
-        Placement to = document.region("head")->placement;
-        EXPECT_EQ(to.about, Eigen::Vector3d(0.5, 1, 3));
+        RigidMove to = document.region("head")->placement;
+        EXPECT_EQ(to.pivot, Eigen::Vector3d(0.5, 1, 3));
         EXPECT_EQ(to.translation, Eigen::Vector3d::Zero());
         EXPECT_EQ(document.region("head")->pivot(), Eigen::Vector3d(0.5, 1, 3));
         to.degrees = 100;
@@ -230,23 +230,23 @@ TEST(Document, a_pivot_of_a_flat_box_is_told_in_shares_where_it_lies_in_its_plan
     const std::string scene = bar.write_scene("units relative\nfixed foot indices 0 1\n"
                                               "handle head indices 2 3\n");
     Document document(scene, "");
-    Placement to;
-    to.about = Eigen::Vector3d(0.5, 1, 0);
+    RigidMove to;
+    to.pivot = Eigen::Vector3d(0.5, 1, 0);
     to.axis = Eigen::Vector3d::UnitZ();
     to.degrees = 180;
     document.move_region("head", to);
     EXPECT_EQ(document.region("head")->placement, to);
-    to.about->x() = NAN;
+    to.pivot->x() = NAN;
     EXPECT_TRUE(
         contains(error_of(Fault::Usage, [&] { document.move_region("head", to); }),
                  "a pivot needs finite numbers"));
     document.undo();
-    to.about = Eigen::Vector3d(0.5, 1, 0.25); // beside it
+    to.pivot = Eigen::Vector3d(0.5, 1, 0.25); // beside it
     to.axis = Eigen::Vector3d::UnitX();
     to.degrees = 90;
     document.move_region("head", to);
     const EditedRegion& head = *document.region("head");
-    EXPECT_FALSE(head.placement.about);
+    EXPECT_FALSE(head.placement.pivot);
     // The centre (0.5, 2, 0) turns about a line at (y, z) = (1, 0.25): to (1.25, 1.25).
     // It leaves the plane of the box, which such units cannot tell either.
     EXPECT_LT((motion_of(head)(head.centre) - Eigen::Vector3d(0.5, 1.25, 0)).norm(),
@@ -258,7 +258,7 @@ TEST(Document, a_pivot_changes_while_its_region_stands_still)
     const Bar bar;
     Document document = bar.open(false);
     hold_ends(document);
-    Placement to;
+    RigidMove to;
     to.axis = Eigen::Vector3d::UnitZ();
     to.degrees = 60;
     document.move_region("head", to);
@@ -281,8 +281,8 @@ TEST(Document, a_pivot_changes_while_its_region_stands_still)
     const Motion between = motion_of(head);
     EXPECT_LT((before.R - between.R).norm() + (before.t - between.t).norm(), 1e-12);
     const Operation& turn = document.handles().stages[0].frames[1].moves[0].operations[0];
-    EXPECT_EQ(turn.degrees, 60);
-    EXPECT_EQ(turn.about, head.placement.about);
+    EXPECT_EQ(turn.move.degrees, 60);
+    EXPECT_EQ(turn.move.pivot, head.placement.pivot);
 }
 
 TEST(Document, a_turn_about_a_border_is_placed_when_the_border_is_known)
@@ -298,8 +298,8 @@ TEST(Document, a_turn_about_a_border_is_placed_when_the_border_is_known)
     const Eigen::Vector3d border(0.5, 0.5, 3.25);
     document.set_borders({{"head", border}});
     EXPECT_TRUE(document.region("head")->knows_placement);
-    Placement to = document.region("head")->placement;
-    EXPECT_EQ(to.about, border);
+    RigidMove to = document.region("head")->placement;
+    EXPECT_EQ(to.pivot, border);
     EXPECT_EQ(to.degrees, 90);
     to.degrees = 60;
     document.move_region("head", to);
@@ -395,8 +395,9 @@ TEST(Document, places_in_a_box_wait_for_the_rest_shape_that_has_it)
                       std::make_shared<const std::vector<Eigen::Vector3d>>(rest));
     document.move_region("tip", shifted(1));
     // A quarter of the box, which lies along x now.
-    EXPECT_EQ(document.handles().stages[1].frames[0].moves[0].operations[0].vector,
-              Eigen::Vector3d(0.25, 0, 0));
+    EXPECT_EQ(
+        document.handles().stages[1].frames[0].moves[0].operations[0].move.translation,
+        Eigen::Vector3d(0.25, 0, 0));
 }
 
 TEST(Document, label_files_are_read_once)

@@ -85,9 +85,9 @@ void hold_ends(Document& document)
     document.add_region(Role::Handle, "head");
 }
 
-Placement turned(double degrees, const Eigen::Vector3d& shift)
+RigidMove turned(double degrees, const Eigen::Vector3d& shift)
 {
-    Placement placement;
+    RigidMove placement;
     placement.axis = Eigen::Vector3d::UnitY();
     placement.degrees = degrees;
     placement.translation = shift;
@@ -107,14 +107,14 @@ void turn_often(Document& document)
 }
 
 /// Drags in a few moves, as a hand would.
-void drag(Editing& editing, const std::string& region, const Placement& to)
+void drag(Editing& editing, const std::string& region, const RigidMove& to)
 {
-    const Placement from = editing.document().region(region)->placement;
+    const RigidMove from = editing.document().region(region)->placement;
     std::string why;
     ASSERT_TRUE(editing.begin_drag(region, &why)) << why;
     for (int k = 1; k <= 5; ++k)
     {
-        Placement on_the_way = to;
+        RigidMove on_the_way = to;
         on_the_way.translation =
             from.translation + 0.2 * k * (to.translation - from.translation);
         on_the_way.degrees = from.degrees + 0.2 * k * (to.degrees - from.degrees);
@@ -236,7 +236,7 @@ TEST(Editing, a_drag_that_is_taken_back_leaves_no_edit_and_the_shape_as_it_was)
     ASSERT_TRUE(editing.begin_drag("head"));
     editing.drag_to(turned(0, {1, 0, 0}));
     EXPECT_EQ(editing.dragged_placement(), turned(0, {1, 0, 0}));
-    EXPECT_EQ(editing.document().region("head")->placement, Placement());
+    EXPECT_EQ(editing.document().region("head")->placement, RigidMove());
     for (int k = 0; k < 2000 && editing.shape().positions == before; ++k)
     {
         editing.update();
@@ -404,8 +404,8 @@ TEST(Editing, a_region_turned_about_its_border_is_taken_on_from_there)
     ASSERT_TRUE(head.border);
     EXPECT_LE(head.border->z(), 3.5);
     EXPECT_GT(head.border->z(), 2.9);
-    EXPECT_EQ(head.placement.about, head.border);
-    Placement to = head.placement;
+    EXPECT_EQ(head.placement.pivot, head.border);
+    RigidMove to = head.placement;
     to.degrees = 45;
     drag(editing, "head", to);
     editing.wait();

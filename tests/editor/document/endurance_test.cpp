@@ -171,7 +171,7 @@ TEST(Endurance, drag_events_take_no_more_memory_in_the_end_than_after_a_tenth)
         {
             ASSERT_TRUE(editing.begin_drag("head"));
         }
-        Placement to;
+        RigidMove to;
         to.axis = Eigen::Vector3d::UnitY();
         to.degrees = support::random_number(rng, -60.0, 60.0);
         to.translation = support::random_vector(rng, 0.5);

@@ -49,17 +49,17 @@ struct Limb
     }
 };
 
-Placement turned(const EditedRegion& joint, double degrees)
+RigidMove turned(const EditedRegion& joint, double degrees)
 {
-    Placement to = joint.placement;
+    RigidMove to = joint.placement;
     to.axis = Vector3d::UnitX();
     to.degrees = degrees;
     return to;
 }
 
-Placement shifted(const EditedRegion& joint, const Vector3d& by)
+RigidMove shifted(const EditedRegion& joint, const Vector3d& by)
 {
-    Placement to = joint.placement;
+    RigidMove to = joint.placement;
     to.translation += by;
     return to;
 }
@@ -137,10 +137,10 @@ TEST(Joints, a_turn_in_the_world_is_told_about_the_axes_that_the_parent_has_turn
     document.move_region("knee", turned(*document.region("knee"), 120));
     const Move& move = document.handles().stages[0].frames[1].moves[0];
     EXPECT_EQ(move.region, "knee");
-    EXPECT_NEAR(move.operations[0].degrees, 30.0, 1e-9);
+    EXPECT_NEAR(move.operations[0].move.degrees, 30.0, 1e-9);
     EXPECT_NEAR(document.region("knee")->placement.degrees, 120.0, 1e-9);
     // Back to rest is its own turn, not the parent's.
-    document.move_region("knee", Placement());
+    document.move_region("knee", RigidMove());
     EXPECT_NEAR(document.region("knee")->placement.degrees, 90.0, 1e-9);
 }
 

@@ -173,7 +173,7 @@ void edit_at_random(Document& document, std::mt19937& rng)
         for (const EditedRegion& region : document.regions())
             if (region.role == Role::Handle)
             {
-                Placement to = region.placement;
+                RigidMove to = region.placement;
                 to.axis = number(0, 1) < 0.5 ? Eigen::Vector3d::UnitY() : to.axis;
                 to.degrees += number(-90, 90);
                 to.translation.y() = number(-1, 1);

@@ -45,9 +45,9 @@ struct Held
     std::string scene() const { return bar.folder / "scene.json"; }
 };
 
-Placement bent(double degrees, double shift)
+RigidMove bent(double degrees, double shift)
 {
-    Placement placement;
+    RigidMove placement;
     placement.axis = Eigen::Vector3d::UnitY();
     placement.degrees = degrees;
     placement.translation.x() = shift;
@@ -176,7 +176,7 @@ TEST(Threads, undo_during_a_drag_opens_the_hand_and_a_drag_during_a_solve_loses_
     held.editing.update();
     EXPECT_FALSE(held.editing.dragged());
     held.editing.end_drag();
-    EXPECT_EQ(held.document().region("head")->placement, Placement());
+    EXPECT_EQ(held.document().region("head")->placement, RigidMove());
     held.document().redo();
     held.editing.update();
     ASSERT_TRUE(held.editing.begin_drag("head")); // while it is solved again

@@ -240,9 +240,9 @@ TEST(GizmoDrag, a_typed_number_takes_the_place_of_the_pointers)
 
 TEST(GizmoDrag, turns_about_one_axis_add_up_and_about_others_become_one)
 {
-    Placement start;
+    RigidMove start;
     start.translation = {1, 2, 3};
-    Placement turned = moved(start, {1, 0, 0}, {0, 0, 1}, 300);
+    RigidMove turned = moved(start, {1, 0, 0}, {0, 0, 1}, 300);
     EXPECT_EQ(turned.translation, Eigen::Vector3d(2, 2, 3));
     EXPECT_EQ(turned.degrees, 300);
     turned = moved(turned, {0, 0, 0}, {0, 0, 1}, 250);
@@ -250,7 +250,7 @@ TEST(GizmoDrag, turns_about_one_axis_add_up_and_about_others_become_one)
     turned = moved(turned, {0, 0, 0}, {0, 0, -1}, 100); // the same axis, the other way
     EXPECT_EQ(turned.degrees, 450);
     EXPECT_EQ(turned.axis, Eigen::Vector3d(0, 0, 1));
-    const Placement both = moved(turned, {0, 0, 0}, {1, 0, 0}, 90);
+    const RigidMove both = moved(turned, {0, 0, 0}, {1, 0, 0}, 90);
     const Eigen::Matrix3d expected =
         (Eigen::AngleAxisd(90 * kDegree, Eigen::Vector3d::UnitX()) *
          Eigen::AngleAxisd(450 * kDegree, Eigen::Vector3d::UnitZ()))

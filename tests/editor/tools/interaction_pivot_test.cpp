@@ -37,7 +37,7 @@ TEST(InteractionPivot, a_region_turns_about_its_middle_until_it_has_another_pivo
     EXPECT_EQ(*desk.hand.pivot(), desk.region("handle").centre);
     desk.keys("rz90");
     desk.key(Key::Enter);
-    EXPECT_FALSE(desk.region("handle").placement.about);
+    EXPECT_FALSE(desk.region("handle").placement.pivot);
     desk.key('z', {.control = true});
 
     const Vector3d pivot(2, 0.5, 0.5);
@@ -45,7 +45,7 @@ TEST(InteractionPivot, a_region_turns_about_its_middle_until_it_has_another_pivo
     EXPECT_EQ(*desk.hand.pivot(), pivot);
     desk.keys("rz90");
     desk.key(Key::Enter);
-    EXPECT_EQ(desk.region("handle").placement.about, pivot);
+    EXPECT_EQ(desk.region("handle").placement.pivot, pivot);
     EXPECT_LT((moved(desk, pivot) - pivot).norm(), 1e-12);
     EXPECT_LT((moved(desk, {3, 0.5, 0.5}) - Vector3d(2, 1.5, 0.5)).norm(), 1e-12);
     // On, about the same axis through it, and from there about its middle.

@@ -212,7 +212,7 @@ TEST(Interaction, an_arrow_drags_the_handle_along_its_axis)
         (desk.region("handle").placement.translation - Eigen::Vector3d(0.6, 0, 0)).norm(),
         1e-9);
     desk.key('z', kControl);
-    EXPECT_EQ(desk.region("handle").placement, Placement{});
+    EXPECT_EQ(desk.region("handle").placement, RigidMove{});
     EXPECT_EQ(desk.depth(), depth);
     desk.key('y', kControl);
     EXPECT_EQ(desk.depth(), depth + 1);
@@ -272,7 +272,7 @@ TEST(Interaction, escape_a_right_click_and_a_lost_focus_take_a_drag_back)
     desk.key(Key::Escape);
     desk.release();
     EXPECT_EQ(desk.depth(), depth);
-    EXPECT_EQ(desk.region("handle").placement, Placement{});
+    EXPECT_EQ(desk.region("handle").placement, RigidMove{});
     begin();
     desk.hand.button(Button::Left, true, {}); // and a click means it
     desk.hand.button(Button::Left, false, {});
@@ -671,7 +671,7 @@ TEST(Interaction, keys_leave_a_region_alone_that_a_number_field_holds)
     EXPECT_FALSE(desk.editing.dragged());
     EXPECT_FALSE(desk.hand.is_busy());
     EXPECT_EQ(desk.depth(), before);
-    EXPECT_EQ(desk.region(name).placement, Placement());
+    EXPECT_EQ(desk.region(name).placement, RigidMove());
 }
 
 TEST(Interaction, follows_a_document_that_others_change)

@@ -89,7 +89,7 @@ TEST(FleshFilm, has_the_frames_that_are_made_by_hand_where_there_are_no_keys)
                               R"(, "simulate": {"duration": 0.1, "gravity": [0, 0, 0]})");
         });
     Document& document = desk.document();
-    Placement to = document.region("knee")->placement;
+    RigidMove to = document.region("knee")->placement;
     to.axis = Vector3d::UnitZ();
     to.degrees = 30.0;
     document.move_region("knee", to);
@@ -229,7 +229,7 @@ TEST(LiveFlesh, and_its_keys_are_kept_by_a_save_or_it_is_refused)
     document.save(other);
     // A pose has no time.
     const std::string before = support::bytes_of(other);
-    Placement to = document.region("knee")->placement;
+    RigidMove to = document.region("knee")->placement;
     to.axis = Vector3d::UnitZ();
     to.degrees = 60.0;
     document.move_region("knee", to);

@@ -352,7 +352,7 @@ TEST(EditorApp, tells_when_a_field_is_written)
         selection.add(i);
     document.select(selection, "Select by box");
     document.add_region(Role::Handle, "all");
-    Placement up;
+    RigidMove up;
     up.translation.z() = 1;
     document.move_region("all", up);
     app.export_field(folder / "up.cwf", Overwrite::No);

@@ -57,8 +57,8 @@ TEST(HandleFile, reads_every_statement)
     ASSERT_EQ(stage.frames.size(), 2u);
     const Move& move = stage.frames[0].moves[0];
     ASSERT_EQ(move.operations.size(), 2u);
-    EXPECT_EQ(move.operations[0].degrees, 45.0);
-    EXPECT_EQ(*move.operations[0].about, Eigen::Vector3d(1, 2, 3));
+    EXPECT_EQ(move.operations[0].move.degrees, 45.0);
+    EXPECT_EQ(*move.operations[0].move.pivot, Eigen::Vector3d(1, 2, 3));
     EXPECT_EQ((*file.stages[1].frames[0].moves[0].operations[0].matrix)(1, 3), 0.2);
 }
 
@@ -69,7 +69,7 @@ TEST(HandleFile, reads_a_rotation_about_the_border_of_its_region)
                            "move head rotate 0 1 0 45 about border translate 0 1 0\n");
     const Operation& turn = file.stages[0].frames[0].moves[0].operations[0];
     EXPECT_TRUE(turn.is_about_border);
-    EXPECT_FALSE(turn.about);
+    EXPECT_FALSE(turn.move.pivot);
     EXPECT_EQ(file.stages[0].frames[0].moves[0].operations.size(), 2u);
 }
 

@@ -94,8 +94,10 @@ std::string meaning_of(const HandleFile& file)
                 {
                     value(operation.kind);
                     vector(operation.vector);
-                    value(operation.degrees);
-                    vector(operation.about.value_or(Eigen::Vector3d(0.1, 0.2, 0.3)));
+                    vector(operation.move.translation);
+                    vector(operation.move.axis);
+                    value(operation.move.degrees);
+                    vector(operation.move.pivot.value_or(Eigen::Vector3d(0.1, 0.2, 0.3)));
                     if (operation.matrix)
                         for (const double entry : operation.matrix->reshaped())
                             value(entry);
@@ -250,7 +252,7 @@ Move any_hold(std::mt19937& rng, const RegionStatement& rod)
         break;
     case 1:
         operation.kind = Operation::Kind::Turn;
-        operation.degrees = any_number(rng);
+        operation.move.degrees = any_number(rng);
         break;
     default:
         operation.kind = Operation::Kind::Tangent;
@@ -267,17 +269,17 @@ Operation any_operation(std::mt19937& rng, bool is_pin, bool is_first)
     const unsigned kind = unsigned(rng() % 3);
     if (is_pin || kind == 0)
     {
-        operation.kind = is_pin && is_first && kind == 0 ? Operation::Kind::To
-                                                         : Operation::Kind::Translate;
-        operation.vector = any_vector(rng);
+        const bool is_to = is_pin && is_first && kind == 0;
+        operation.kind = is_to ? Operation::Kind::To : Operation::Kind::Translate;
+        (is_to ? operation.vector : operation.move.translation) = any_vector(rng);
     }
     else if (kind == 1)
     {
         operation.kind = Operation::Kind::Rotate;
-        operation.vector = any_direction(rng);
-        operation.degrees = any_number(rng);
+        operation.move.axis = any_direction(rng);
+        operation.move.degrees = any_number(rng);
         if (rng() % 2)
-            operation.about = any_vector(rng);
+            operation.move.pivot = any_vector(rng);
         else
             operation.is_about_border = rng() % 2 == 0;
     }

@@ -24,7 +24,8 @@ Units plain_units()
     return units;
 }
 
-std::vector<Step> steps(const std::string& operations, const Units& units = plain_units())
+std::vector<MoveStep> steps(const std::string& operations,
+                            const Units& units = plain_units())
 {
     const HandleFile file = parse_handles(
         "h", "cellwarp-handles 1\nhandle h all\nframe 1\nmove h " + operations + "\n");
@@ -145,11 +146,12 @@ TEST(HandleTrajectory, only_rigid_matrices_are_taken)
     const HandleFile file =
         parse_handles("h", "cellwarp-handles 1\nhandle h all\nframe 1\nmove h "
                            "matrix 1.00001 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n");
-    const std::vector<Step> nearly =
+    const std::vector<MoveStep> nearly =
         steps_of(file.stages[0].frames[0].moves[0], plain_units(),
                  {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, "h", warnings);
     EXPECT_EQ(warnings.size(), 1u);
-    EXPECT_LT((nearly[0].motion.R - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+    EXPECT_LT((std::get<Motion>(nearly[0]).R - Eigen::Matrix3d::Identity()).norm(),
+              1e-12);
 }
 
 TEST(HandleTrajectory, relative_units_are_the_box)

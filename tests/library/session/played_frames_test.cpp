@@ -130,7 +130,7 @@ TEST(KeyedReach, what_is_asked_for_before_and_how_often_changes_nothing)
     const std::vector<Move>& own = script.stages[0].frames[3].moves;
     ASSERT_EQ(own.size(), moves.size());
     for (std::size_t k = 0; k < own.size(); ++k)
-        EXPECT_EQ(own[k].operations[0].degrees, moves[k].operations[0].degrees);
+        EXPECT_EQ(own[k].operations[0].move.degrees, moves[k].operations[0].move.degrees);
 }
 
 TEST(KeyedReach, a_straight_arm_that_is_pulled_in_bends_without_a_jump)

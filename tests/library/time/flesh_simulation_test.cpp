@@ -567,8 +567,8 @@ TEST(FleshSimulation, joints_are_led_by_hand_while_time_runs)
     {
         Operation& turn = move.operations.emplace_back();
         turn.kind = Operation::Kind::Rotate;
-        turn.vector = Vector3d::UnitY();
-        turn.degrees = 0.5 * k;
+        turn.move.axis = Vector3d::UnitY();
+        turn.move.degrees = 0.5 * k;
         simulation->lead({move});
         simulation->step();
         move.operations.clear();
