@@ -278,6 +278,14 @@ bool JsonObject::read(const std::string& key, std::vector<std::array<double, 3>>
                      });
 }
 
+bool JsonObject::read(const std::string& key, Eigen::Vector3d& out)
+{
+    const Json* const value = find(key);
+    if (value)
+        read_numbers(key, *value, kHuge, out.data(), 3);
+    return value;
+}
+
 bool JsonObject::read_file_name(const std::string& key, std::string& out)
 {
     if (!read(key, out))

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 #include "io/base/file_limits.h"
@@ -24,7 +25,7 @@ using Json = nlohmann::json;
 
 /// Ranges of many keys.
 inline constexpr Between<double> kAny{-kHuge, kHuge}, kNotNegative{0.0, kHuge},
-    kPositive{kTiny, kHuge}, kShare{0.0, 1.0};
+    kPositive{kTiny, kHuge}, kShare{0.0, 1.0}, kKeyTimes{-1e9, 1e9}; ///< [s]
 
 /// A JSON file while it is read, and what is found beside its values.
 struct JsonReading
@@ -79,6 +80,7 @@ public:
             read_numbers(key, *value, most, out.data(), count);
         return value;
     }
+    bool read(const std::string& key, Eigen::Vector3d& out);
     /// A list of points.
     bool read(const std::string& key, std::vector<std::array<double, 3>>& out,
               double most = kHuge);

@@ -9,6 +9,7 @@
 
 #include "io/base/number.h"
 #include "io/scene/json_object.h"
+#include "io/scene/timed_keys.h"
 
 namespace cellwarp::core
 {
@@ -17,41 +18,6 @@ namespace
 {
 
 constexpr std::int64_t kMostSpans = 1000;
-
-void read_turn(JsonObject& object, std::array<double, 4>& turn)
-{
-    object.read("rotate", turn);
-    if (turn[0] == 0 && turn[1] == 0 && turn[2] == 0)
-        object.fail("rotate", "its axis has no length");
-}
-
-/// Keys whose times rise. \p read_value(key, its output) reads all but the time.
-template <class Key, class ReadValue>
-void read_timed_keys(JsonObject& object, std::vector<Key>& keys,
-                     const ReadValue& read_value)
-{
-    double last = -1.0;
-    object.read_objects("keys",
-                        [&](JsonObject& key)
-                        {
-                            Key& out = keys.emplace_back();
-                            key.read("time", kNotNegative, out.time);
-                            read_value(key, out);
-                            if (!(out.time > last))
-                                key.fail("time", "need times that rise");
-                            last = out.time;
-                        });
-}
-
-void read_keys(JsonObject& object, std::vector<RodKey>& keys)
-{
-    read_timed_keys(object, keys,
-                    [](JsonObject& key, RodKey& out)
-                    {
-                        key.read("translate", out.translate);
-                        read_turn(key, out.rotate);
-                    });
-}
 
 void read_window(JsonObject& object, TimeWindow& window)
 {
@@ -63,7 +29,7 @@ void read_window(JsonObject& object, TimeWindow& window)
 void read_sizes(JsonObject& object, double least, SizeInTime& sizes)
 {
     read_window(object, sizes);
-    read_timed_keys(object, sizes.keys,
+    read_timed_keys(object, kNotNegative, sizes.keys,
                     [least](JsonObject& key, SizeKey& out) {
                         key.read("size", Between<double>{least, kHuge}, out.size);
                     });
@@ -88,7 +54,7 @@ void read_hold(JsonObject& object, RodHold& hold)
     hold.has_point = hold.has_point || !(hold.has_tangent || hold.has_twist ||
                                          hold.has_curvature || hold.has_bend);
     read_window(object, hold);
-    read_keys(object, hold.keys);
+    read_move_keys(object, kNotNegative, hold.keys);
 }
 
 void read_slide(JsonObject& object, SlideStatement& slide)
@@ -165,7 +131,7 @@ void read_on(JsonObject& object, RodOn& on, std::string& rod)
         object.fail(on.kind == RodOn::Kind::Plane ? "plane" : "axis",
                     "its direction has no length");
     if (on.kind != RodOn::Kind::Rod)
-        read_keys(object, on.keys);
+        read_move_keys(object, kNotNegative, on.keys);
 }
 
 /// The name of the last of \p all.
@@ -197,11 +163,11 @@ void read_body(JsonObject& object, RodScene& scene)
         if (!(one > 0.0) || one > half * (1.0 + 1e-12))
             object.fail("inertia", "no body has it: each must be above 0 and at most the "
                                    "sum of the other two");
-    object.read("at", body.at);
-    read_turn(object, body.rotate);
+    object.read("at", body.place.translation);
+    read_turn(object, body.place);
     object.read("velocity", body.velocity);
     object.read("spin", body.spin);
-    read_keys(object, body.keys);
+    read_move_keys(object, kNotNegative, body.keys);
     if (object.find("damping"))
         object.fail("damping", "a rigid body has no strains that it could damp");
 }
@@ -496,18 +462,14 @@ void read_refine(JsonObject& rod, std::optional<RefineStatement>& refine)
             });
 }
 
-void read_obstacle(JsonObject& object, ObstacleStatement& obstacle)
+/// Rods touch what stands still, and have one friction.
+void read_still_obstacle(JsonObject& object, RodScene& scene)
 {
-    const int count = object.read("plane", obstacle.plane) +
-                      object.read("sphere", obstacle.sphere) +
-                      object.read_file_name("mesh", obstacle.mesh);
-    if (count != 1)
-        object.fail("", "needs one of plane, sphere and mesh");
-    if (obstacle.plane && (*obstacle.plane)[0] == 0.0 && (*obstacle.plane)[1] == 0.0 &&
-        (*obstacle.plane)[2] == 0.0)
-        object.fail("plane", "its direction has no length");
-    if (obstacle.sphere && !((*obstacle.sphere)[3] > 0.0))
-        object.fail("sphere", "need a radius above 0 [m]");
+    scene.obstacles.push_back(read_obstacle(object));
+    if (object.find("keys"))
+        object.fail("keys", "rods touch only obstacles that stay");
+    if (object.find("friction"))
+        object.fail("friction", "rods have one friction, rod_contact.friction");
 }
 
 /// \pre The obstacles are known: they are there to be touched.
@@ -698,7 +660,7 @@ void read_objects_in_time(JsonObject& root, bool has_flesh, RodScene& scene)
     root.read_objects(root.renamed("connections", "joints"),
                       [&](JsonObject& joint) { read_joint(joint, scene, has_flesh); });
     root.read_objects("obstacles", [&](JsonObject& obstacle)
-                      { read_obstacle(obstacle, scene.obstacles.emplace_back()); });
+                      { read_still_obstacle(obstacle, scene); });
     read_contact(root, scene);
     for (std::size_t k = 0; k < scene.rods.size(); ++k)
         if (has_flesh && scene.rods[k].carries)

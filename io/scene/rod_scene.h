@@ -9,18 +9,12 @@
 #include <string>
 #include <vector>
 
+#include "io/scene/obstacle_statement.h"
 #include "io/scene/time_settings.h"
+#include "octree/base/rigid_move.h"
 
 namespace cellwarp::core
 {
-
-/// Where a held place has come to at a time.
-struct RodKey
-{
-    double time = 0.0;                        ///< [s]
-    Triple translate{};                       ///< from rest [m]
-    std::array<double, 4> rotate{0, 0, 1, 0}; ///< axis, [degree], about the place at rest
-};
 
 /// When something acts.
 struct TimeWindow
@@ -50,7 +44,7 @@ struct RodHold : TimeWindow
     bool has_point = false, has_tangent = false, has_twist = false;
     bool has_curvature = false; ///< the second derivative of the curve
     bool has_bend = false;      ///< its curvature [1/m]
-    std::vector<RodKey> keys;
+    MoveKeys keys;              ///< about the place at rest [m]
 };
 
 /// How a place slides that is unknown in advance.
@@ -78,12 +72,12 @@ struct RodOn
         Axis,
         Rod
     } kind = Kind::Point;
-    Triple point{};           ///< [m]; of an axis, one of its points
-    Triple direction{};       ///< of a plane its normal, of an axis its direction
-    double offset = 0.0;      ///< of a plane: normal . x = offset
-    std::vector<RodKey> keys; ///< of a point, plane or axis that moves
-    std::size_t rod = 0;      ///< of the scene
-    double other = 0.0;       ///< share of that rod's rest length
+    Triple point{};      ///< [m]; of an axis, one of its points
+    Triple direction{};  ///< of a plane its normal, of an axis its direction
+    double offset = 0.0; ///< of a plane: normal . x = offset
+    MoveKeys keys;       ///< of a point, plane or axis that moves
+    std::size_t rod = 0; ///< of the scene
+    double other = 0.0;  ///< share of that rod's rest length
     std::optional<SlideStatement> other_slide;
 };
 
@@ -152,12 +146,11 @@ struct RodStatement
 struct BodyStatement
 {
     std::string name;
-    double mass = 1.0; ///< [kg]
-    Triple inertia{};  ///< about the centre, along its axes [kg m^2]
-    Triple at{};       ///< its centre [m]
-    std::array<double, 4> rotate{0, 0, 1, 0}; ///< axis, [degree]
-    Triple velocity{}, spin{};                ///< [m/s], [rad/s]
-    std::vector<RodKey> keys; ///< it goes where they say, if there are any
+    double mass = 1.0;         ///< [kg]
+    Triple inertia{};          ///< about the centre, along its axes [kg m^2]
+    RigidMove place;           ///< its centre and how it is turned about that [m]
+    Triple velocity{}, spin{}; ///< [m/s], [rad/s]
+    MoveKeys keys;             ///< it goes where they say, if there are any
 };
 
 /// Points with mass, and springs.
@@ -226,14 +219,6 @@ struct ContactStatement
     double damping = 1.0;            ///< of the bounce; 1: critical
     std::optional<double> stiffness; ///< [N/m]; that of the material
     bool between_rods = true, with_itself = true;
-};
-
-/// What stands still: one of these.
-struct ObstacleStatement
-{
-    std::optional<std::array<double, 4>> plane;  ///< normal . x = d
-    std::optional<std::array<double, 4>> sphere; ///< centre, radius
-    std::string mesh;                            ///< file
 };
 
 /// All that a scene says of time: its settings, and the objects that move.

@@ -13,6 +13,7 @@
 #include "io/base/number.h"
 #include "io/base/text.h"
 #include "io/scene/json_object.h"
+#include "io/scene/timed_keys.h"
 
 namespace cellwarp::core
 {
@@ -25,36 +26,11 @@ using Eigen::Vector3d;
 /// Nearer to 0.5 the equations have hardly a digit left.
 constexpr double kMostPoisson = 0.4999;
 
-/// Reads a vector; returns whether it is there.
-bool read(JsonObject& object, const char* key, Vector3d& out)
-{
-    std::array<double, 3> value;
-    if (!object.read(key, value))
-        return false;
-    out = {value[0], value[1], value[2]};
-    return true;
-}
-
-bool read(JsonObject& object, const char* key, std::optional<Vector3d>& out)
-{
-    Vector3d value;
-    if (!read(object, key, value))
-        return false;
-    out = value;
-    return true;
-}
-
 /// Reads a vector that has a length.
 void read_direction(JsonObject& object, const char* key, std::optional<Vector3d>& out)
 {
-    if (read(object, key, out) && out->isZero(0))
+    if (object.read(key, out) && out->isZero(0))
         object.fail(key, "got 0 0 0, need a direction");
-}
-
-void need(JsonObject& object, const char* key, Vector3d& out)
-{
-    if (!read(object, key, out))
-        object.fail(key, "is missing");
 }
 
 /// The text of a selector in a handle file.
@@ -64,7 +40,7 @@ bool is_selector(const Json& value)
            value.get<std::string>().find('\n') == std::string::npos;
 }
 
-constexpr Between<double> kTimes{-1e9, 1e9}, kPoisson{0.0, kMostPoisson};
+constexpr Between<double> kPoisson{0.0, kMostPoisson};
 
 SkeletonJoint read_joint(JsonObject& object)
 {
@@ -76,7 +52,7 @@ SkeletonJoint read_joint(JsonObject& object)
             object.fail("parent", "need the name of a joint, or null");
         joint.parent = parent->get<std::string>();
     }
-    need(object, "at", joint.at);
+    object.need("at", joint.at);
     object.read_object("limits",
                        [&](JsonObject& limits)
                        {
@@ -87,21 +63,19 @@ SkeletonJoint read_joint(JsonObject& object)
     return joint;
 }
 
-SceneKey read_key(JsonObject& object)
+JointKey read_key(JsonObject& object)
 {
-    SceneKey key;
+    JointKey key;
     key.field = object.name();
-    object.need("time", kTimes, key.time);
+    object.need("time", kKeyTimes, key.time);
     object.need("joint", key.joint);
-    if (object.read("rotate", key.rotate) && (*key.rotate)[0] == 0 &&
-        (*key.rotate)[1] == 0 && (*key.rotate)[2] == 0)
-        object.fail("rotate", "its axis has no length");
-    read(object, "translate", key.translate);
-    read(object, "to", key.to);
+    key.turns = read_turn(object, key.move);
+    key.shifts = object.read("translate", key.move.translation);
+    object.read("to", key.to);
     object.read("from", key.from);
     if (key.from && !key.to)
         object.fail("from", "is for a key with to");
-    if (!key.rotate && !key.translate && !key.to)
+    if (!key.turns && !key.shifts && !key.to)
         object.fail("", "needs rotate, translate or to");
     return key;
 }
@@ -125,38 +99,21 @@ FleshRegion read_material(JsonObject& object)
     return material;
 }
 
-ShiftStatement read_shifts(JsonObject& of)
+/// Flesh is held and kept out by what is shifted, but does not turn.
+void refuse_turns(JsonObject& object, const MoveKeys& keys)
 {
-    ShiftStatement shifts;
-    of.read_objects("keys",
-                    [&](JsonObject& object)
-                    {
-                        double time = 0.0;
-                        object.need("time", kTimes, time);
-                        if (!shifts.times.empty() && time <= shifts.times.back())
-                            object.fail("time", "got " + shortest(time) +
-                                                    ", need more than " +
-                                                    shortest(shifts.times.back()));
-                        shifts.times.push_back(time);
-                        need(object, "translate", shifts.shifts.emplace_back());
-                    });
-    return shifts;
+    for (std::size_t k = 0; k < keys.size(); ++k)
+        if (keys[k].move.degrees != 0.0)
+            object.fail("keys[" + std::to_string(k) + "].rotate",
+                        "need translate: for flesh keys do not turn");
 }
 
-FleshObstacleStatement read_obstacle(JsonObject& object)
+ObstacleStatement read_flesh_obstacle(JsonObject& object)
 {
-    FleshObstacleStatement obstacle;
-    obstacle.field = object.name();
-    if (object.read("plane", obstacle.plane))
-        if (const auto& [x, y, z, d] = *obstacle.plane; x == 0 && y == 0 && z == 0)
-            object.fail("plane", "its normal has no length");
-    if (object.read("sphere", obstacle.sphere) && !((*obstacle.sphere)[3] > 0.0))
-        object.fail("sphere",
-                    "got the radius " + shortest((*obstacle.sphere)[3]) + ", need > 0");
-    if (obstacle.plane.has_value() == obstacle.sphere.has_value())
-        object.fail("", "needs a plane or a sphere");
-    object.read("friction", Between<double>{0.0, 10.0}, obstacle.friction);
-    obstacle.keys = read_shifts(object);
+    ObstacleStatement obstacle = read_obstacle(object);
+    if (!obstacle.mesh.empty())
+        object.fail("mesh", "flesh is kept out of planes and spheres alone");
+    refuse_turns(object, obstacle.keys);
     return obstacle;
 }
 
@@ -164,9 +121,10 @@ FleshHoldStatement read_held(JsonObject& object)
 {
     FleshHoldStatement held;
     held.field = object.name();
-    need(object, "at", held.at);
+    object.need("at", held.at);
     read_direction(object, "normal", held.normal);
-    held.keys = read_shifts(object);
+    read_move_keys(object, kKeyTimes, held.keys);
+    refuse_turns(object, held.keys);
     return held;
 }
 
@@ -231,17 +189,17 @@ FleshStatement read_flesh(JsonObject& object)
     if (object.read_file_name("weights", flesh.weights) && flesh.law != "regions")
         object.fail("weights", "are of the law regions, the law is " + flesh.law);
     object.read_objects(object.renamed("obstacles", "contact"), [&](JsonObject& obstacle)
-                        { flesh.obstacles.push_back(read_obstacle(obstacle)); });
+                        { flesh.obstacles.push_back(read_flesh_obstacle(obstacle)); });
     object.read_objects("held",
                         [&](JsonObject& held) { flesh.held.push_back(read_held(held)); });
     return flesh;
 }
 
-Eigen::Vector4d turn_of(const std::array<double, 4>& rotate)
+Eigen::Vector4d turn_of(const RigidMove& move)
 {
-    const Vector3d axis(rotate[0], rotate[1], rotate[2]);
+    const Vector3d& axis = move.axis;
     return Eigen::Quaterniond(
-               Eigen::AngleAxisd(std::remainder(rotate[3], 720.0) * std::numbers::pi /
+               Eigen::AngleAxisd(std::remainder(move.degrees, 720.0) * std::numbers::pi /
                                      180.0,
                                  (axis / axis.cwiseAbs().maxCoeff()).normalized()))
         .coeffs();
@@ -249,7 +207,7 @@ Eigen::Vector4d turn_of(const std::array<double, 4>& rotate)
 
 /// Adds a key to the track of its joint, which it returns.
 template <class Track>
-Track& add_key(std::vector<Track>& tracks, std::size_t joint, const SceneKey& key,
+Track& add_key(std::vector<Track>& tracks, std::size_t joint, const JointKey& key,
                const typename Track::Value& value, KeyStep step, const std::string& path)
 {
     auto track = std::find_if(tracks.begin(), tracks.end(),
@@ -273,7 +231,7 @@ Track& add_key(std::vector<Track>& tracks, std::size_t joint, const SceneKey& ke
 /// Joints from the parent of \p joint up to the one that \p key names.
 std::vector<std::size_t> chain_of(const std::vector<SkeletonJoint>& joints,
                                   const std::map<std::string, std::size_t>& number,
-                                  std::size_t joint, const SceneKey& key,
+                                  std::size_t joint, const JointKey& key,
                                   const std::string& path)
 {
     std::vector<std::size_t> chain;
@@ -290,7 +248,7 @@ std::vector<std::size_t> chain_of(const std::vector<SkeletonJoint>& joints,
 
 /// Adds the place of a key to the track of its joint.
 void add_reach(SkeletonValues& out, const std::map<std::string, std::size_t>& number,
-               std::size_t joint, const SceneKey& key, KeyStep step,
+               std::size_t joint, const JointKey& key, KeyStep step,
                const std::string& path)
 {
     if (out.joints[joint].parent.empty())
@@ -363,7 +321,7 @@ void read_placement(JsonObject& object, SkeletonScene& scene)
     object.read_file_name("animation_file", placement.animation_file);
     object.read("scale", kPositive, placement.scale);
     read_up(object, placement.up);
-    read(object, "translate", placement.shift);
+    object.read("translate", placement.shift);
 }
 
 } // namespace
@@ -429,21 +387,21 @@ SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path)
     for (std::size_t k = 0; k < out.joints.size(); ++k)
         number[out.joints[k].name] = k;
     const KeyStep step = scene.step.value_or(KeyStep::Linear);
-    for (const SceneKey& key : scene.keys)
+    for (const JointKey& key : scene.keys)
     {
         const auto joint = number.find(key.joint);
         if (joint == number.end())
             throw malformed({path, 0, key.field + ".joint"},
                             in_quotes(key.joint) + " is no joint");
-        if (key.rotate)
-            add_key(out.turns, joint->second, key, turn_of(*key.rotate), step, path);
-        if (key.translate && !out.joints[joint->second].parent.empty())
+        if (key.turns)
+            add_key(out.turns, joint->second, key, turn_of(key.move), step, path);
+        if (key.shifts && !out.joints[joint->second].parent.empty())
             throw malformed({path, 0, key.field + ".translate"},
                             "joint " + key.joint + " hangs on " +
                                 out.joints[joint->second].parent +
                                 ": only a root is moved");
-        if (key.translate)
-            add_key(out.shifts, joint->second, key, *key.translate, step, path);
+        if (key.shifts)
+            add_key(out.shifts, joint->second, key, key.move.translation, step, path);
         if (key.to)
             add_reach(out, number, joint->second, key, step, path);
     }

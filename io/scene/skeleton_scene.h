@@ -11,23 +11,23 @@
 
 #include <Eigen/Core>
 
+#include "io/scene/obstacle_statement.h"
 #include "io/scene/skeleton_file.h"
+#include "octree/base/rigid_move.h"
 
 namespace cellwarp::core
 {
 
 class JsonObject;
 
-/// A key of a scene.
-struct SceneKey
+/// A key of a joint: how it turns or is shifted from rest [model unit], or where it goes.
+struct JointKey : MoveKey
 {
-    double time = 0.0; ///< [s]
     std::string joint;
-    std::optional<std::array<double, 4>> rotate; ///< axis, [degree], from rest
-    std::optional<Eigen::Vector3d> translate;    ///< from rest [model unit]
-    std::optional<Eigen::Vector3d> to;           ///< a place to reach [model unit]
-    std::optional<std::string> from; ///< first joint of the chain that turns for it
-    std::string field;               ///< of the scene, for messages
+    bool turns = false, shifts = false;
+    std::optional<Eigen::Vector3d> to; ///< a place to reach [model unit]
+    std::optional<std::string> from;   ///< first joint of the chain that turns for it
+    std::string field;                 ///< of the scene, for messages
 };
 
 /// What one material of the flesh is like; what it leaves out is that of the flesh.
@@ -39,31 +39,12 @@ struct FleshRegion
     std::string field; ///< of the scene, for messages
 };
 
-/// Where something is at times, from where it is told [model unit]; straight and evenly
-/// between two of them.
-struct ShiftStatement
-{
-    std::vector<double> times; ///< [s], strictly increasing
-    std::vector<Eigen::Vector3d> shifts;
-};
-
-/// What keeps flesh out.
-struct FleshObstacleStatement
-{
-    /// One of them [model unit]: everything with normal . x < d, the last number; a
-    /// centre and a radius.
-    std::optional<std::array<double, 4>> plane, sphere;
-    double friction = 0.0;
-    ShiftStatement keys;
-    std::string field; ///< of the scene, for messages
-};
-
 /// A point of the flesh that is held, along a normal alone or wholly.
 struct FleshHoldStatement
 {
     Eigen::Vector3d at; ///< at rest [model unit]
     std::optional<Eigen::Vector3d> normal;
-    ShiftStatement keys;
+    MoveKeys keys;     ///< shifts from there
     std::string field; ///< of the scene, for messages
 };
 
@@ -87,7 +68,7 @@ struct FleshStatement
     /// Whether it hangs in its weight from the first frame on; none: where it can.
     std::optional<bool> settles;
     bool is_at_rest_as_drawn = false; ///< its drawn shape bears its weight
-    std::vector<FleshObstacleStatement> obstacles;
+    std::vector<ObstacleStatement> obstacles;
     std::vector<FleshHoldStatement> held;
     std::string weights; ///< file, resolved; empty: by distances
 };
@@ -106,7 +87,7 @@ struct SkeletonScene
     std::string file; ///< resolved; empty: the scene has the joints
     SkeletonPlacement placement;
     std::vector<SkeletonJoint> joints; ///< of the scene, parents first
-    std::vector<SceneKey> keys;        ///< in the order of the scene
+    std::vector<JointKey> keys;        ///< in the order of the scene
     MotionStatement motion;
     /// Between keys of the scene, or frames of a handle file in time; none: Linear for
     /// keys, Smooth for frames.

@@ -46,12 +46,10 @@ void add_body(const BodyStatement& body, const Motion& pose, int around, Geometr
 
 RigidBody built(const BodyStatement& of, const RodScene& scene, const Vector3d& origin)
 {
-    RodKey turn;
-    turn.rotate = of.rotate;
     RigidBody body(of.mass, vector_of(of.inertia));
     body.gravity = vector_of(scene.gravity);
-    body.state.p = vector_of(of.at) - origin;
-    body.state.R = motion_of(turn, Vector3d::Zero()).R;
+    body.state.p = of.place.translation - origin;
+    body.state.R = motion_of(of.place, Vector3d::Zero()).R;
     body.state.velocity = vector_of(of.velocity);
     body.spin(vector_of(of.spin));
     return body;
@@ -86,13 +84,13 @@ public:
     }
     double first_turn() const override
     {
-        return has_keys() ? std::abs(statement_.keys.front().rotate[3]) : 0.0;
+        return has_keys() ? std::abs(statement_.keys.front().move.degrees) : 0.0;
     }
     double largest_turn() const override
     {
         double largest = 0.0;
-        for (const RodKey& key : statement_.keys)
-            largest = std::max(largest, std::abs(key.rotate[3]));
+        for (const MoveKey& key : statement_.keys)
+            largest = std::max(largest, std::abs(key.move.degrees));
         return largest;
     }
     void hold_at(double time, double share) override { lead({}, {time, share}, 0.0); }

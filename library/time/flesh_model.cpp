@@ -96,7 +96,7 @@ RegionSet regions_of(const FleshModel& model, const std::vector<std::string>& se
 
 void take_obstacles(FleshModel& model)
 {
-    for (const FleshObstacleStatement& told : model.flesh().obstacles)
+    for (const ObstacleStatement& told : model.flesh().obstacles)
     {
         FleshObstacle obstacle;
         obstacle.friction = told.friction;
@@ -114,7 +114,7 @@ void take_obstacles(FleshModel& model)
             obstacle.centre = model.to_metres({x, y, z});
             obstacle.radius = r * model.metre / model.frame.length_to_model(1.0);
         }
-        model.obstacles.emplace_back(obstacle, model.keys_of(told.keys));
+        model.obstacles.emplace_back(obstacle, model.to_metres(told.keys));
     }
 }
 
@@ -258,13 +258,11 @@ Units FleshModel::units() const
     return {frame, false, bounding_box(geometry->samples), 0.0};
 }
 
-ShiftKeys FleshModel::keys_of(const ShiftStatement& told) const
+MoveKeys FleshModel::to_metres(MoveKeys of_model) const
 {
-    ShiftKeys keys;
-    keys.times = told.times;
-    for (const Vector3d& shift : told.shifts)
-        keys.shifts.push_back(metre * frame.vector_to_work(shift));
-    return keys;
+    for (MoveKey& key : of_model)
+        key.move.translation = metre * frame.vector_to_work(key.move.translation);
+    return of_model;
 }
 
 Vector3d FleshModel::direction_of(const Vector3d& of_model) const

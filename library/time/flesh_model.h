@@ -17,7 +17,6 @@
 #include "library/session/skeleton_handle.h"
 #include "solver/flesh/bone_tube.h"
 #include "solver/flesh/flesh.h"
-#include "solver/skeleton/joint_keys.h"
 
 namespace cellwarp::core
 {
@@ -37,7 +36,7 @@ struct FleshModel
     std::vector<TubeBone> bones;
     std::vector<FleshMaterial> materials;
     FleshSettings settings;
-    std::vector<std::pair<FleshObstacle, ShiftKeys>> obstacles; ///< at rest, and moved
+    std::vector<std::pair<FleshObstacle, MoveKeys>> obstacles; ///< at rest, and moved
     /// What the octree cuts; null of a lattice that was drawn.
     std::shared_ptr<const RestShape> rest;
     /// Null of an octree's lattice.
@@ -63,8 +62,8 @@ struct FleshModel
     {
         return frame.to_model(metres / metre);
     }
-    /// Shifts [m].
-    ShiftKeys keys_of(const ShiftStatement& told) const;
+    /// Their shifts in metres; flesh has no keys that turn.
+    MoveKeys to_metres(MoveKeys of_model) const;
     /// A unit vector.
     Eigen::Vector3d direction_of(const Eigen::Vector3d& of_model) const;
 };

@@ -19,6 +19,7 @@
 #include "io/scene/skeleton_scene.h"
 #include "library/session/played_frames.h"
 #include "library/time/drawn_shapes.h"
+#include "library/time/key_motion.h"
 #include "library/time/softness.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
@@ -137,8 +138,8 @@ std::vector<Motion> FleshSimulation::motions_between(const SkeletonAim& from,
     std::vector<Motion> motions = model_->skeleton->motions(from, to, share);
     for (Motion& motion : motions)
         motion.t *= model_->metre;
-    for (const ShiftKeys& keys : body_.held_points.holds)
-        motions.push_back({Matrix3d::Identity(), share * keys.at(time)});
+    for (const MoveKeys& keys : body_.held_points.holds)
+        motions.push_back({Matrix3d::Identity(), share * motion_at(keys, time).t});
     for (std::size_t k = 0; k < body_.own_motions.size(); ++k)
     {
         const int follows = body_.own_motions[k].follows;
@@ -156,15 +157,16 @@ std::vector<FleshObstacle> FleshSimulation::obstacles_at(double time) const
     for (const auto& [rest, keys] : model_->obstacles)
     {
         FleshObstacle& obstacle = obstacles.emplace_back(rest);
-        const Vector3d shift = keys.at(time);
+        const Vector3d shift = motion_at(keys, time).t;
         obstacle.centre += shift;
         if (obstacle.normal)
             obstacle.offset += obstacle.normal->dot(shift);
-        const Vector3d last = keys.at(time - time_.dt);
+        const Vector3d last = motion_at(keys, time - time_.dt).t;
         obstacle.velocity = (shift - last) / time_.dt;
         if (snapshot_.before)
             obstacle.velocity +=
-                0.5 * (shift - 2.0 * last + keys.at(time - 2.0 * time_.dt)) / time_.dt;
+                0.5 * (shift - 2.0 * last + motion_at(keys, time - 2.0 * time_.dt).t) /
+                time_.dt;
     }
     return obstacles;
 }
@@ -176,7 +178,7 @@ std::vector<PulledPoint> FleshSimulation::pulled_at(double time, double share) c
     for (const HeldPoints::Guided& guided : body_.held_points.guided)
     {
         PulledPoint& point = pulled.emplace_back(guided.point);
-        point.goal = point.point.place + share * guided.keys.at(time);
+        point.goal = point.point.place + share * motion_at(guided.keys, time).t;
         if (has_detail() && guided.whole >= 0)
             point.goal +=
                 snapshot_.detail.fading[body_.own_of_whole(idx(guided.whole))].at(time);
@@ -251,8 +253,8 @@ void FleshSimulation::begin()
     for (const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
          const PulledPoint& point : pulled)
         way = std::max(way, (point.goal - point.point.place).norm());
-    for (const ShiftKeys& keys : body_.held_points.holds)
-        way = std::max(way, keys.at(0.0).norm());
+    for (const MoveKeys& keys : body_.held_points.holds)
+        way = std::max(way, motion_at(keys, 0.0).t.norm());
     bool is_at_rest = true;
     const auto settle =
         [&](const SkeletonAim& begin, double share, Weighs weighs, double at_rest)

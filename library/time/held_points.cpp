@@ -31,12 +31,12 @@ HeldPoints held_points(const FleshModel& model, const Lattice& lattice,
             PulledPoint guided;
             guided.point = {shares, x};
             guided.normal = model.direction_of(*told.normal);
-            out.guided.push_back({guided, model.keys_of(told.keys)});
+            out.guided.push_back({guided, model.to_metres(told.keys)});
             continue;
         }
         out.whole.push_back(
             {shares, x, static_cast<int>(model.skeleton->size() + out.holds.size())});
-        out.holds.push_back(model.keys_of(told.keys));
+        out.holds.push_back(model.to_metres(told.keys));
     }
     return out;
 }

@@ -16,14 +16,14 @@ namespace cellwarp::core
 struct HeldPoints
 {
     /// What moves points that are held wholly, as motions after those of the joints [m].
-    std::vector<ShiftKeys> holds;
+    std::vector<MoveKeys> holds;
     /// Those, in the order of the scene.
     std::vector<HeldPoint> whole;
     /// Held along a normal alone, or wholly where no node can be solved for.
     struct Guided
     {
         PulledPoint point;
-        ShiftKeys keys; ///< where it is to go [m]
+        MoveKeys keys;  ///< where it is to go [m]
         int whole = -1; ///< number of those that are held wholly
     };
     std::vector<Guided> guided;

@@ -23,32 +23,31 @@ struct OneAxis
     double from = 0.0, to = 0.0;
 };
 
-/// Two keys that turn about the same axis, one way or the other; a key that does not turn
+/// Two moves that turn about the same axis, one way or the other; one that does not turn
 /// does so about any.
-std::optional<OneAxis> one_axis(const RodKey& a, const RodKey& b)
+std::optional<OneAxis> one_axis(const RigidMove& a, const RigidMove& b)
 {
-    const auto axis_of = [](const RodKey& key)
-    { return Eigen::Vector3d(key.rotate[0], key.rotate[1], key.rotate[2]).normalized(); };
-    if (a.rotate[3] == 0.0)
-        return OneAxis{axis_of(b), 0.0, b.rotate[3]};
-    const double side = axis_of(a).dot(axis_of(b));
-    if (b.rotate[3] == 0.0 || std::abs(side) > 1.0 - 1e-12)
-        return OneAxis{axis_of(a), a.rotate[3], side < 0.0 ? -b.rotate[3] : b.rotate[3]};
+    if (a.degrees == 0.0)
+        return OneAxis{b.axis.normalized(), 0.0, b.degrees};
+    const double side = a.axis.normalized().dot(b.axis.normalized());
+    if (b.degrees == 0.0 || std::abs(side) > 1.0 - 1e-12)
+        return OneAxis{a.axis.normalized(), a.degrees,
+                       side < 0.0 ? -b.degrees : b.degrees};
     return std::nullopt;
 }
 
-/// The quaternion of a key, with a sign: whole turns count up to two.
-Eigen::Quaterniond quaternion_of(const RodKey& key)
+/// The quaternion of a turn, with a sign: whole turns count up to two.
+Eigen::Quaterniond quaternion_of(const RigidMove& move)
 {
-    const Eigen::Vector3d axis(key.rotate[0], key.rotate[1], key.rotate[2]);
-    const double degrees = std::remainder(key.rotate[3], 720.0);
+    const double degrees = std::remainder(move.degrees, 720.0);
     return Eigen::Quaterniond(
-        Eigen::AngleAxisd(degrees * std::numbers::pi / 180.0, axis.normalized()));
+        Eigen::AngleAxisd(degrees * std::numbers::pi / 180.0, move.axis.normalized()));
 }
 
-/// From one key to the next, which are \p R apart: axis times angle [rad]. Half a turn
-/// goes round as the quaternions of the keys say, as for joints.
-Eigen::Vector3d shortest_turn(const RodKey& a, const RodKey& b, const Eigen::Matrix3d& R)
+/// From one turn to the next, which are \p R apart: axis times angle [rad]. Half a turn
+/// goes round as their quaternions say, as for joints.
+Eigen::Vector3d shortest_turn(const RigidMove& a, const RigidMove& b,
+                              const Eigen::Matrix3d& R)
 {
     const Eigen::Vector3d turn = rotation_vector(R);
     if (!is_half_turn(R))
@@ -60,14 +59,20 @@ Eigen::Vector3d shortest_turn(const RodKey& a, const RodKey& b, const Eigen::Mat
                : turn;
 }
 
+RigidMove scaled(RigidMove move, double share)
+{
+    move.translation *= share;
+    move.degrees *= share;
+    return move;
+}
+
 } // namespace
 
-Motion motion_of(const RodKey& key, const Eigen::Vector3d& about)
+Motion motion_of(const RigidMove& move, const Eigen::Vector3d& about)
 {
-    const Eigen::Vector3d axis(key.rotate[0], key.rotate[1], key.rotate[2]);
     const Eigen::Matrix3d R =
-        rotation_about(axis.normalized(), key.rotate[3] * std::numbers::pi / 180.0);
-    return {R, about - R * about + vector_of(key.translate)};
+        rotation_about(move.axis.normalized(), move.degrees * std::numbers::pi / 180.0);
+    return {R, about - R * about + move.translation};
 }
 
 double size_at(const SizeInTime& of, double time)
@@ -84,48 +89,40 @@ double size_at(const SizeInTime& of, double time)
     return a.size + (time - a.time) / (b.time - a.time) * (b.size - a.size);
 }
 
-double turned(const std::vector<RodKey>& keys, double begin, double end)
+double turned(const MoveKeys& keys, double begin, double end)
 {
     double sum = 0.0;
     for (std::size_t k = 0; k + 1 < keys.size(); ++k)
     {
-        const RodKey &a = keys[k], &b = keys[k + 1];
+        const MoveKey &a = keys[k], &b = keys[k + 1];
         const double within = std::min(end, b.time) - std::max(begin, a.time);
         if (within <= 0.0)
             continue;
-        const std::optional<OneAxis> one = one_axis(a, b);
+        const std::optional<OneAxis> one = one_axis(a.move, b.move);
         sum += within / (b.time - a.time) * (one ? std::abs(one->to - one->from) : 180.0);
     }
     return sum;
 }
 
-Motion motion_at(std::vector<RodKey> keys, double time, const Eigen::Vector3d& about,
+Motion motion_at(const MoveKeys& keys, double time, const Eigen::Vector3d& about,
                  double share)
 {
-    for (RodKey& key : keys)
-    {
-        for (double& x : key.translate)
-            x *= share;
-        key.rotate[3] *= share;
-    }
     if (keys.empty())
         return {};
     const auto next = std::find_if(keys.begin(), keys.end(),
-                                   [&](const RodKey& key) { return key.time > time; });
-    if (next == keys.begin())
-        return motion_of(keys.front(), about);
-    if (next == keys.end())
-        return motion_of(keys.back(), about);
-    const RodKey &a = *(next - 1), &b = *next;
-    const double between_them = (time - a.time) / (b.time - a.time);
-    RodKey between = a;
-    for (std::size_t k = 0; k < 3; ++k)
-        between.translate[k] += between_them * (b.translate[k] - a.translate[k]);
+                                   [&](const MoveKey& key) { return key.time > time; });
+    if (next == keys.begin() || next == keys.end())
+        return motion_of(
+            scaled(next == keys.end() ? keys.back().move : next->move, share), about);
+    const double between_them =
+        (time - (next - 1)->time) / (next->time - (next - 1)->time);
+    const RigidMove a = scaled((next - 1)->move, share), b = scaled(next->move, share);
+    RigidMove between;
+    between.translation = a.translation + between_them * (b.translation - a.translation);
     if (const std::optional<OneAxis> one = one_axis(a, b))
     {
-        for (const std::size_t k : {0u, 1u, 2u})
-            between.rotate[k] = one->axis[static_cast<Eigen::Index>(k)];
-        between.rotate[3] = one->from + between_them * (one->to - one->from);
+        between.axis = one->axis;
+        between.degrees = one->from + between_them * (one->to - one->from);
         return motion_of(between, about);
     }
     // About one axis from the one to the other, by at most half a turn.
@@ -136,7 +133,7 @@ Motion motion_at(std::vector<RodKey> keys, double time, const Eigen::Vector3d& a
         angle > 0.0
             ? Eigen::Matrix3d(rotation_about(turn / angle, between_them * angle) * from.R)
             : from.R;
-    return {R, about - R * about + vector_of(between.translate)};
+    return {R, about - R * about + between.translation};
 }
 
 } // namespace cellwarp::core

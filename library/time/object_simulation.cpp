@@ -55,7 +55,7 @@ Vector3d ObjectSimulation::origin_of(const RodScene& scene)
 {
     if (scene.rods.empty())
         return !scene.sheets.empty()   ? vector_of(scene.sheets.front().corner)
-               : !scene.bodies.empty() ? vector_of(scene.bodies.front().at)
+               : !scene.bodies.empty() ? scene.bodies.front().place.translation
                : !scene.nets.empty()   ? vector_of(scene.nets.front().points.front())
                                        : Vector3d::Zero();
     const RodStatement& rod = scene.rods.front();

@@ -640,7 +640,7 @@ double RodPart::first_turn() const
     double largest = 0.0;
     for (const Held& held : held_)
         if (!held.keys->empty())
-            largest = std::max(largest, std::abs(held.keys->front().rotate[3]));
+            largest = std::max(largest, std::abs(held.keys->front().move.degrees));
     return largest;
 }
 
@@ -648,8 +648,8 @@ double RodPart::largest_turn() const
 {
     double largest = 0.0;
     for (const Held& held : held_)
-        for (const RodKey& key : *held.keys)
-            largest = std::max(largest, std::abs(key.rotate[3]));
+        for (const MoveKey& key : *held.keys)
+            largest = std::max(largest, std::abs(key.move.degrees));
     return largest;
 }
 

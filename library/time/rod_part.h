@@ -14,6 +14,7 @@
 #include "io/formats/geometry.h"
 #include "io/scene/rod_scene.h"
 #include "library/time/object_in_time.h"
+#include "octree/base/rigid_motion.h"
 #include "solver/contact/rod_contacts.h"
 #include "solver/rods/inner_forces.h"
 #include "solver/rods/point_springs.h"
@@ -137,7 +138,7 @@ private:
     /// Of each hold its first constraint, its rest place and frame.
     struct Held
     {
-        const std::vector<RodKey>* keys;
+        const MoveKeys* keys;
         const TimeWindow* window; ///< null: always
         std::size_t first, count;
         Eigen::Vector3d place;

@@ -22,4 +22,14 @@ struct RigidMove
     bool operator==(const RigidMove&) const = default;
 };
 
+/// From rest, at a time.
+struct MoveKey
+{
+    double time = 0.0; ///< [s]
+    RigidMove move = {};
+};
+
+/// Their times rise.
+using MoveKeys = std::vector<MoveKey>;
+
 } // namespace cellwarp::core

@@ -11,6 +11,7 @@
 
 #include "io/base/error.h"
 #include "io/scene/scene_file.h"
+#include "library/time/key_motion.h"
 #include "library/time/object_simulation.h"
 
 using namespace cellwarp::core;
@@ -129,6 +130,16 @@ SlideStatement slide_of(Choices& choose)
     return slide;
 }
 
+/// \p most: of the angle [degree].
+RigidMove any_move(Choices& choose, const Eigen::Vector3d& axis, double most)
+{
+    RigidMove move;
+    move.translation = vector_of(choose.place());
+    move.axis = axis;
+    move.degrees = most * choose.share();
+    return move;
+}
+
 /// A body, a net of two points, and what joins them to the rod.
 void add_joined(Choices& choose, RodScene& scene)
 {
@@ -136,11 +147,11 @@ void add_joined(Choices& choose, RodScene& scene)
     body.name = "b";
     body.mass = choose.below(4) == 0 ? 1e6 : 0.1;
     body.inertia = {0.01, 0.01 + 0.01 * choose.share(), 0.01};
-    body.at = choose.place();
+    body.place.translation = vector_of(choose.place());
     body.velocity = choose.below(3) == 0 ? choose.place() : Triple{};
     if (choose.below(3) == 0)
-        body.keys = {{0.0, choose.place(), {0, 1, 0, 360.0 * choose.share()}},
-                     {0.01, choose.place(), {1, 0, 1, 90.0 * choose.share()}}};
+        body.keys = {{0.0, any_move(choose, {0, 1, 0}, 360.0)},
+                     {0.01, any_move(choose, {1, 0, 1}, 90.0)}};
     NetStatement& net = scene.nets.emplace_back();
     net.name = "n";
     net.points = {choose.place(), choose.place()};
@@ -250,8 +261,8 @@ RodScene scene_of(Choices choose)
         hold.has_twist = what & 4;
         hold.has_curvature = what & 8;
         if (choose.below(3) == 0)
-            hold.keys = {{0.0, choose.place(), {0, 0, 1, 90.0 * choose.share()}},
-                         {0.01, choose.place(), {1, 0, 1, 90.0 * choose.share()}}};
+            hold.keys = {{0.0, any_move(choose, {0, 0, 1}, 90.0)},
+                         {0.01, any_move(choose, {1, 0, 1}, 90.0)}};
     }
     for (int k = choose.below(3); k > 0; --k)
     {

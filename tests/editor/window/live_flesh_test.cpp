@@ -218,7 +218,7 @@ TEST(LiveFlesh, and_its_keys_are_kept_by_a_save_or_it_is_refused)
     ASSERT_TRUE(saved.has_flesh());
     ASSERT_EQ(saved.skeleton->keys.size(), 2u);
     EXPECT_EQ(saved.skeleton->keys[1].time, was.skeleton->keys[1].time);
-    EXPECT_EQ(saved.skeleton->keys[1].rotate, was.skeleton->keys[1].rotate);
+    EXPECT_EQ(saved.skeleton->keys[1].move, was.skeleton->keys[1].move);
     EXPECT_EQ(saved.skeleton->flesh.young, 1e6);
     EXPECT_EQ(saved.time.duration, was.time.duration);
     EXPECT_EQ(saved.settings.cells.across, 6); // which was edited

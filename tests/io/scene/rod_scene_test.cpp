@@ -47,7 +47,7 @@ TEST(RodScene, says_what_stands_in_it_and_defaults_for_the_rest)
     ASSERT_EQ(rod.holds.size(), 1u);
     EXPECT_TRUE(rod.holds[0].has_point && rod.holds[0].has_twist);
     EXPECT_FALSE(rod.holds[0].has_tangent);
-    EXPECT_EQ(rod.holds[0].keys[1].rotate[3], 90.0);
+    EXPECT_EQ(rod.holds[0].keys[1].move.degrees, 90.0);
     EXPECT_EQ(rod.on[0].kind, RodOn::Kind::Plane);
     EXPECT_EQ(rod.on[0].offset, 3.0);
     EXPECT_EQ(rod.loads[0].force[1], -1.0);
@@ -136,7 +136,7 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {"{" + line + R"(, "fixed": [{"what": ["soul"]}]})",
            "rods[0].fixed[0].what[0]"},
           {"{" + line + R"(, "fixed": [{"keys": [{"time": 1}, {"time": 1}]}]})",
-           "rods[0].fixed[0].keys[1].time: need times that rise"},
+           "rods[0].fixed[0].keys[1].time: got 1, need more than 1"},
           {"{" + line + R"(, "fixed": [{"keys": [{"rotate": [0,0,0,9]}]}]})",
            "rods[0].fixed[0].keys[0].rotate: its axis has no length"},
           {"{" + line + R"(, "on": [{"at": "slides", "point": [0,0,0]}]})",
@@ -183,10 +183,18 @@ TEST(RodScene, names_the_key_that_is_wrong)
           "obstacles[0]: needs one of plane, sphere and mesh"},
          {R"({"cellwarp": 1, "obstacles": [{"plane": [0,0,0,1]}], "rods": [{)" + line +
               "}]}",
-          "obstacles[0].plane: its direction has no length"},
+          "obstacles[0].plane: its normal has no length"},
          {R"({"cellwarp": 1, "obstacles": [{"sphere": [0,0,0,0]}], "rods": [{)" + line +
               "}]}",
-          "obstacles[0].sphere: need a radius"},
+          "obstacles[0].sphere: got the radius 0, need > 0"},
+         {R"({"cellwarp": 1, "obstacles": [{"plane": [0,1,0,0],
+             "keys": [{"translate": [0,1,0]}]}], "rods": [{)" +
+              line + "}]}",
+          "obstacles[0].keys: rods touch only obstacles that stay"},
+         {R"({"cellwarp": 1, "obstacles": [{"mesh": "a.obj", "friction": 0.5}],
+             "rods": [{)" +
+              line + "}]}",
+          "obstacles[0].friction: rods have one friction, rod_contact.friction"},
          {R"({"cellwarp": 1, "sheets": [{"sides": [[1,0,0]]}]})",
           "sheets[0].sides: need two"},
          {R"({"cellwarp": 1, "sheets": [{"sides": [[1,0,0],[0,1,0]], "counts": [3,5]}]})",

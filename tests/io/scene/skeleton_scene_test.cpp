@@ -168,14 +168,21 @@ TEST(SkeletonScene, what_a_part_of_it_lacks_is_told_by_its_place)
     tells(more(R"("weights": "")"), "weights: need the name of a file");
     tells(more(R"("obstacles": [{"sphere": [0, 0, 0, 0]}])"),
           "got the radius 0, need > 0");
-    tells(more(R"("obstacles": [{}])"), "obstacles[0]: needs a plane or a sphere");
+    tells(more(R"("obstacles": [{}])"),
+          "obstacles[0]: needs one of plane, sphere and mesh");
+    tells(more(R"("obstacles": [{"mesh": "wall.obj"}])"),
+          "obstacles[0].mesh: flesh is kept out of planes and spheres alone");
+    tells(more(R"("obstacles": [{"plane": [0, 1, 0, 0],
+                                 "keys": [{"rotate": [0, 0, 1, 90]}]}])"),
+          "obstacles[0].keys[0].rotate: need translate");
     tells(more(R"("held": [{}])"), "held[0].at: is missing");
     tells(more(R"("held": [{"at": [0, 0, 0], "normal": [0, 0, 0]}])"),
           "normal: got 0 0 0, need a direction");
     const auto keys = [&](const std::string& of)
     { return more(R"("held": [{"at": [0, 0, 0], "keys": [)" + of + "]}]"); };
-    tells(keys(R"({"translate": [0, 0, 0]})"), "held[0].keys[0].time: is missing");
-    tells(keys(R"({"time": 1})"), "keys[0].translate: is missing");
+    tells(keys(R"({"time": "late"})"), "held[0].keys[0].time");
+    tells(keys(R"({}, {"time": 1, "rotate": [0, 0, 1, 90]})"),
+          "keys[1].rotate: need translate");
     tells(
         keys(
             R"({"time": 1, "translate": [0, 0, 0]}, {"time": 1, "translate": [0, 0, 0]})"),
@@ -193,6 +200,18 @@ TEST(SkeletonScene, unknown_keys_and_those_of_flesh_in_time_are_warnings)
     EXPECT_TRUE(contains(scene.warnings[0], "skeleton.bones: unknown key"));
     ASSERT_EQ(scene.left_out.size(), 1u);
     EXPECT_TRUE(contains(scene.left_out[0], "skeleton.E"));
+}
+
+TEST(SkeletonScene, keys_of_flesh_are_at_rest_and_at_0_unless_they_say_more)
+{
+    const SceneFile scene = scene_of(kJoints + R"(, "held": [{"at": [0, 0, 0],
+        "keys": [{}, {"time": 1, "translate": [0, 2, 0]}]}])");
+    const MoveKeys& keys = scene.skeleton->flesh.held.front().keys;
+    ASSERT_EQ(keys.size(), 2u);
+    EXPECT_EQ(keys[0].time, 0.0);
+    EXPECT_EQ(keys[0].move, RigidMove());
+    EXPECT_EQ(keys[1].time, 1.0);
+    EXPECT_EQ(keys[1].move.translation, Eigen::Vector3d(0, 2, 0));
 }
 
 TEST(SkeletonScene, says_what_its_flesh_is_like)

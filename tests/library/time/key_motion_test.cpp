@@ -14,11 +14,12 @@ namespace
 
 using Eigen::Vector3d;
 
-RodKey key(double time, const std::array<double, 4>& rotate)
+MoveKey key(double time, const std::array<double, 4>& rotate)
 {
-    RodKey key;
+    MoveKey key;
     key.time = time;
-    key.rotate = rotate;
+    key.move.axis = {rotate[0], rotate[1], rotate[2]};
+    key.move.degrees = rotate[3];
     return key;
 }
 
@@ -30,6 +31,27 @@ Vector3d half_way(const std::array<double, 4>& from, const std::array<double, 4>
 }
 
 } // namespace
+
+TEST(KeyMotion, shifts_go_straight_and_turn_nothing)
+{
+    const auto shifted = [](double time, const Vector3d& by)
+    {
+        MoveKey key;
+        key.time = time;
+        key.move.translation = by;
+        return key;
+    };
+    const MoveKeys keys = {shifted(0, {1, 0, 0}), shifted(2, {1, 4, 0})};
+    for (const auto& [time, y] :
+         {std::pair{-1.0, 0.0}, {0.0, 0.0}, {0.5, 1.0}, {2.0, 4.0}, {3.0, 4.0}})
+    {
+        const Motion motion = motion_at(keys, time, {5, 6, 7});
+        EXPECT_EQ(motion.R, Eigen::Matrix3d::Identity());
+        EXPECT_EQ(motion.t, Vector3d(1, y, 0)) << time;
+    }
+    EXPECT_EQ(motion_at(keys, 2.0, Vector3d::Zero(), 0.5).t, Vector3d(0.5, 2, 0));
+    EXPECT_EQ(motion_at({}, 2.0).t, Vector3d::Zero());
+}
 
 TEST(KeyMotion, turns_about_one_axis_count_whatever_their_angle)
 {
