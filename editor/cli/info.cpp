@@ -160,8 +160,8 @@ Json describe(const RegionStatement& region)
                                                                 : "skeleton";
     json["points"] = line.points.size();
     json["closed"] = line.is_closed;
-    if (line.radius)
-        json["radius"] = *line.radius;
+    if (!line.radii.empty())
+        json["radius"] = line.radii.front();
     if (line.stiffness)
         json["stiffness"] = *line.stiffness;
     return json;

@@ -257,8 +257,8 @@ Json rods_in_time_json(const SceneFile& scene)
     Json rods = Json::array();
     for (const RodStatement& rod : scene.time.rods)
         rods.push_back({{"name", rod.name},
-                        {"points", std::max(rod.points.size(), rod.through.size())},
-                        {"closed", rod.is_closed},
+                        {"points", rod.line.points.size()},
+                        {"closed", rod.line.is_closed},
                         {"carries", rod.carries}});
     return rods;
 }

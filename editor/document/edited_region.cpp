@@ -300,7 +300,7 @@ RodShape shape_of(const EditedRegion& region)
     for (const EditedPoint& point : region.points)
         shape.points.push_back(point.rest);
     shape.is_closed = region.line->is_closed;
-    if (region.line->radius)
+    if (!region.line->radii.empty())
         shape.radius = region.frame.length_to_model(region.spline->radius());
     shape.stiffness = region.line->stiffness;
     return shape;
@@ -316,10 +316,12 @@ SplineStatement line_of(const RodShape& shape, Role role, const RegionGround& gr
     for (const Eigen::Vector3d& point : shape.points)
         like.points.push_back(given_point(point, ground.units));
     like.is_closed = shape.is_closed;
-    like.radius = role == Role::Rod ? shape.radius : std::nullopt;
+    like.radii.clear();
+    if (role == Role::Rod && shape.radius)
+        like.radii = {ground.units.is_relative
+                          ? *shape.radius / ground.units.box.size().norm()
+                          : *shape.radius};
     like.stiffness = role == Role::Rod ? shape.stiffness : std::nullopt;
-    if (like.radius && ground.units.is_relative)
-        *like.radius /= ground.units.box.size().norm();
     return like;
 }
 

@@ -242,7 +242,7 @@ SplineStatement parse_spline(Role role, Statement& words)
                                         ", need 1 to " + std::to_string(kMostSpans));
         }
         else if (word == "radius" && role == Role::Rod)
-            spline.radius = positive("radius");
+            spline.radii = {positive("radius")};
         else if (word == "stiffness" && role == Role::Rod)
             spline.stiffness = positive("stiffness");
         else if (word == "exact" && role == Role::Rod)

@@ -19,6 +19,7 @@
 
 #include "io/base/error.h"
 #include "io/scene/skeleton_file.h"
+#include "io/scene/spline_line.h"
 #include "octree/base/rigid_move.h"
 
 namespace cellwarp::core
@@ -67,21 +68,12 @@ struct Selector
 inline constexpr std::array kSelectorWords = {"box",     "sphere", "capsule", "halfspace",
                                               "indices", "labels", "group",   "all"};
 
-/// The line of a rod or a curve at rest. Numbers are in the file's units.
-struct SplineStatement
+/// A rod or a curve at rest. Numbers are in the file's units; a rod has one radius, of
+/// the tube that it carries, or none.
+struct SplineStatement : SplineLine
 {
-    enum class Form
-    {
-        Through, ///< points on it
-        Points,  ///< control points
-        Skeleton ///< the centre line of the shape, of the limb at region `near`
-    };
-    Form form = Form::Through;
-    std::vector<Eigen::Vector3d> points;
-    std::string near; ///< empty: the longest one
-    bool is_closed = false;
-    std::int64_t spans = 4;          ///< in each gap between two points
-    std::optional<double> radius;    ///< of the tube that it carries; > 0
+    std::string
+        near; ///< of Form::Skeleton: the region of its limb; empty: the longest one
     std::optional<double> stiffness; ///< the rod pushes back; > 0
     bool is_exact = false;           ///< samples in the tube end where the rod has them
 

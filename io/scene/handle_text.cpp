@@ -209,10 +209,10 @@ private:
             word("spans");
             word(std::to_string(spline.spans));
         }
-        if (spline.radius)
+        for (const double radius : spline.radii)
         {
             word("radius");
-            number(*spline.radius);
+            number(radius);
         }
         if (spline.stiffness)
         {

@@ -265,19 +265,6 @@ bool JsonObject::read(const std::string& key, const Flags& out)
                      });
 }
 
-bool JsonObject::read(const std::string& key, std::vector<std::array<double, 3>>& out,
-                      double most)
-{
-    constexpr std::size_t kMostPoints = 10'000'000;
-    return read_list(key,
-                     [&](const Json& value, const std::string& item)
-                     {
-                         if (out.size() == kMostPoints)
-                             fail(key, "more than 10000000 points");
-                         read_numbers(item, value, most, out.emplace_back().data(), 3);
-                     });
-}
-
 bool JsonObject::read(const std::string& key, Eigen::Vector3d& out)
 {
     const Json* const value = find(key);

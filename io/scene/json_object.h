@@ -82,8 +82,19 @@ public:
     }
     bool read(const std::string& key, Eigen::Vector3d& out);
     /// A list of points.
-    bool read(const std::string& key, std::vector<std::array<double, 3>>& out,
-              double most = kHuge);
+    template <class Point>
+    bool read(const std::string& key, std::vector<Point>& out, double most = kHuge)
+    {
+        constexpr std::size_t kMostPoints = 10'000'000;
+        return read_list(key,
+                         [&](const Json& value, const std::string& item)
+                         {
+                             if (out.size() == kMostPoints)
+                                 fail(key, "more than 10000000 points");
+                             read_numbers(item, value, most, out.emplace_back().data(),
+                                          3);
+                         });
+    }
     template <class Value>
     bool read(const std::string& key, std::optional<Value>& out)
     {

@@ -512,6 +512,36 @@ void read_radius(JsonObject& object, std::vector<double>& out)
         object.fail("radius", "need a length, or several");
 }
 
+void read_line(JsonObject& object, SplineLine& line)
+{
+    const bool is_through = object.read("through", line.points) && !line.points.empty();
+    std::vector<Eigen::Vector3d> controls;
+    object.read("points", controls);
+    if (is_through == !controls.empty())
+        object.fail("", "needs through or points, one of them");
+    if (!is_through)
+    {
+        line.form = SplineLine::Form::Points;
+        line.points = std::move(controls);
+    }
+    object.read("spans", Between<std::int64_t>{1, kMostSpans}, line.spans);
+    object.read("degree", Between<std::int64_t>{2, 7}, line.degree);
+    object.read("spline", OneOf{{"nonuniform", "uniform", "catmull-rom", "bezier"}},
+                line.knots);
+    object.read("closed", line.is_closed);
+    const auto ignore = [&](const char* key, bool is_idle, const char* why)
+    {
+        if (is_idle && object.find(key))
+            object.warn(key, std::string(why) + ", ignored");
+    };
+    ignore("spline", is_through && line.knots != "nonuniform",
+           "is for points, not for through");
+    ignore("spans", !is_through, "is for through, not for points");
+    ignore("degree", line.knots == "bezier" || line.knots == "catmull-rom",
+           "follows from the spline");
+    read_radius(object, line.radii);
+}
+
 void read_spring(JsonObject& object, RodSpringTo& spring)
 {
     object.read("at", kShare, spring.at);
@@ -535,26 +565,7 @@ void read_rod(JsonObject& object, RodScene& scene, std::vector<OtherRod>& others
 {
     RodStatement& rod = scene.rods.emplace_back();
     read_name(object, "rod", scene.rods);
-    object.read("through", rod.through);
-    object.read("points", rod.points);
-    if (rod.through.empty() == rod.points.empty())
-        object.fail("", "needs through or points, one of them");
-    object.read("spans", Between<std::int64_t>{1, kMostSpans}, rod.spans);
-    object.read("degree", Between<std::int64_t>{2, 7}, rod.degree);
-    object.read("spline", OneOf{{"nonuniform", "uniform", "catmull-rom", "bezier"}},
-                rod.spline);
-    object.read("closed", rod.is_closed);
-    const auto ignore = [&](const char* key, bool is_idle, const char* why)
-    {
-        if (is_idle && object.find(key))
-            object.warn(key, std::string(why) + ", ignored");
-    };
-    ignore("spline", !rod.through.empty() && rod.spline != "nonuniform",
-           "is for points, not for through");
-    ignore("spans", !rod.points.empty(), "is for through, not for points");
-    ignore("degree", rod.spline == "bezier" || rod.spline == "catmull-rom",
-           "follows from the spline");
-    read_radius(object, rod.radius);
+    read_line(object, rod.line);
     object.read("E", kPositive, rod.young);
     object.read("nu", Between<double>{-0.999, 0.5}, rod.poisson);
     object.read("density", kPositive, rod.density);
@@ -574,7 +585,7 @@ void read_rod(JsonObject& object, RodScene& scene, std::vector<OtherRod>& others
     rod.is_straight_at_rest = rest == "straight";
     object.read("rest_twist", kAny, rod.rest_twist);
     object.read("link", Between<double>{-1e6, 1e6}, rod.link);
-    if (rod.link != 0.0 && !rod.is_closed)
+    if (rod.link != 0.0 && !rod.line.is_closed)
         object.fail("link", "only a closed rod has turns put in");
     object.read("velocity", rod.velocity);
     object.read_objects("fixed", [&](JsonObject& hold)

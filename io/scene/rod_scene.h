@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "io/scene/obstacle_statement.h"
+#include "io/scene/spline_line.h"
 #include "io/scene/time_settings.h"
 #include "octree/base/rigid_move.h"
 
@@ -117,11 +118,7 @@ struct CutStatement
 struct RodStatement
 {
     std::string name;
-    std::vector<Triple> through, points; ///< one of them [m]
-    std::int64_t spans = 4, degree = 3;
-    std::string spline = "nonuniform";
-    bool is_closed = false;
-    std::vector<double> radius = {0.01}; ///< [m]; several: evenly along the rod, linear
+    SplineLine line = {.radii = {0.01}};                 ///< [m]; with a radius at least
     double young = 1e6, poisson = 0.3, density = 1000.0; ///< [Pa], [kg/m^3]
     double damping = 0.0; ///< of the material: time by which rates count as strains [s]
     std::optional<std::array<double, 2>> bending; ///< [N m^2]

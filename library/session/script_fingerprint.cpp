@@ -72,7 +72,7 @@ void add(Fingerprint& fingerprint, const RegionStatement& region)
     fingerprint.add(spline.near);
     fingerprint.add(std::uint64_t(spline.is_closed) + 2 * spline.is_exact);
     fingerprint.add(spline.spans);
-    fingerprint.add(spline.radius.value_or(0.0));
+    fingerprint.add(spline.radii.empty() ? 0.0 : spline.radii.front());
     fingerprint.add(spline.stiffness.value_or(0.0));
 }
 

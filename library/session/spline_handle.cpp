@@ -19,6 +19,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "library/session/line_curve.h"
 #include "library/session/spline_holds.h"
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
@@ -134,7 +135,8 @@ SplineHandle::SplineHandle(const SplineStatement& statement,
                            std::span<const Vector3d> points, bool is_rod, double radius)
     : is_rod_(is_rod), by_controls_(statement.form == SplineStatement::Form::Points),
       radius_(radius), points_(points.begin(), points.end()),
-      rod_(curve(statement, points), section_of(curve(statement, points)), {}),
+      rod_(curve_of(statement, points_, &at_points_),
+           section_of(curve_of(statement, points_)), {}),
       rest_(rod_)
 {
     const Spline& spline = rod_.rest();
@@ -163,15 +165,6 @@ SplineHandle::SplineHandle(const Spline& rest, double radius)
       rod_(rest, section_of(rest), {}), rest_(rod_)
 {
     start();
-}
-
-Spline SplineHandle::curve(const SplineStatement& statement,
-                           std::span<const Vector3d> points)
-{
-    if (by_controls_)
-        return spline_by_controls({points.begin(), points.end()}, statement.is_closed);
-    return spline_through(points, statement.is_closed, static_cast<int>(statement.spans),
-                          3, &at_points_);
 }
 
 std::function<Section(double)> SplineHandle::section_of(const Spline& spline) const

@@ -143,8 +143,6 @@ public:
 
 private:
     class State;
-    Spline curve(const SplineStatement& statement,
-                 std::span<const Eigen::Vector3d> points);
     std::function<Section(double)> section_of(const Spline& spline) const;
     void start();
     void add_place(double s);

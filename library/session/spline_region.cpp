@@ -77,10 +77,10 @@ double edge_of(const Units& units)
 /// Half a coarsest cell, unless the statement tells.
 double radius_of(const SplineStatement& statement, const Units& units)
 {
-    if (statement.radius)
+    if (!statement.radii.empty())
     {
         const double unit = units.is_relative ? units.box.size().norm() : 1.0;
-        return std::ldexp(*statement.radius * unit, units.frame.exponent);
+        return std::ldexp(statement.radii.front() * unit, units.frame.exponent);
     }
     return 0.5 * edge_of(units);
 }

@@ -58,8 +58,7 @@ Vector3d ObjectSimulation::origin_of(const RodScene& scene)
                : !scene.bodies.empty() ? scene.bodies.front().place.translation
                : !scene.nets.empty()   ? vector_of(scene.nets.front().points.front())
                                        : Vector3d::Zero();
-    const RodStatement& rod = scene.rods.front();
-    return vector_of((rod.points.empty() ? rod.through : rod.points).front());
+    return scene.rods.front().line.points.front();
 }
 
 struct ObjectSimulation::Parts

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "io/base/error.h"
+#include "library/session/line_curve.h"
 #include "library/time/drawn_shapes.h"
 #include "library/time/key_motion.h"
 #include "library/time/skin.h"
@@ -25,16 +26,6 @@ namespace cellwarp::core
 namespace
 {
 
-/// Seen from \p origin.
-std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples,
-                                        const Eigen::Vector3d& origin)
-{
-    std::vector<Eigen::Vector3d> out;
-    for (const Triple& t : triples)
-        out.push_back(vector_of(t) - origin);
-    return out;
-}
-
 /// Both sides of a tube, so that its twist is seen.
 constexpr Colour kFront = {236, 145, 60}, kBack = {205, 208, 214},
                  kSkin = {222, 142, 126};
@@ -48,44 +39,28 @@ std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is
     return points;
 }
 
-/// By its control points, with the knots that the statement asks for.
-Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
+/// Its points seen from \p origin; neighbours at the same place are one, but for Bezier
+/// pieces, which count them.
+std::vector<Eigen::Vector3d> points_of(const SplineLine& line,
+                                       const Eigen::Vector3d& origin)
 {
-    const int n = static_cast<int>(points.size()), degree = static_cast<int>(rod.degree);
-    const auto made = [&](SplineBasis basis) -> Spline {
-        return {std::move(basis), std::move(points)};
-    };
-    if (rod.spline == "catmull-rom")
-        return catmull_rom(points, rod.is_closed);
-    if (rod.spline == "uniform" && !rod.is_closed && n > degree)
-        return made(SplineBasis::open(degree, SplineBasis::uniform_knots(degree, n)));
-    return spline_by_controls(std::move(points), rod.is_closed, degree);
-}
-
-Spline curve_of(const RodStatement& rod, const Eigen::Vector3d& origin)
-{
-    if (!rod.points.empty() && rod.spline == "bezier")
-    {
-        if (rod.is_closed)
-            throw std::invalid_argument("Bezier pieces are open");
-        return bezier(vectors_of(rod.points, origin));
-    }
-    if (!rod.points.empty())
-        return by_controls(rod, merged(vectors_of(rod.points, origin), false));
-    return spline_through(merged(vectors_of(rod.through, origin), rod.is_closed),
-                          rod.is_closed, static_cast<int>(rod.spans),
-                          static_cast<int>(rod.degree));
+    std::vector<Eigen::Vector3d> points;
+    for (const Eigen::Vector3d& point : line.points)
+        points.push_back(point - origin);
+    const bool is_through = line.form == SplineLine::Form::Through;
+    return !is_through && line.knots == "bezier"
+               ? points
+               : merged(std::move(points), line.is_closed && is_through);
 }
 
 Section section_of(const RodStatement& rod, double share)
 {
-    const double at = share * static_cast<double>(rod.radius.size() - 1);
-    const std::size_t k =
-        std::min(idx(static_cast<int>(at)),
-                 rod.radius.size() - std::min<std::size_t>(2, rod.radius.size()));
-    const double next = k + 1 < rod.radius.size() ? rod.radius[k + 1] : rod.radius[k];
-    const double radius =
-        rod.radius[k] + (at - static_cast<double>(k)) * (next - rod.radius[k]);
+    const std::vector<double>& radii = rod.line.radii;
+    const double at = share * static_cast<double>(radii.size() - 1);
+    const std::size_t k = std::min(idx(static_cast<int>(at)),
+                                   radii.size() - std::min<std::size_t>(2, radii.size()));
+    const double next = k + 1 < radii.size() ? radii[k + 1] : radii[k];
+    const double radius = radii[k] + (at - static_cast<double>(k)) * (next - radii[k]);
     Section section = Section::round(radius, rod.young, rod.poisson, rod.density);
     if (rod.bending)
         section.bending = *rod.bending;
@@ -98,12 +73,13 @@ Rod built(const RodScene& scene, const RodStatement& of, const std::string& wher
           const Eigen::Vector3d& origin)
 {
     if (of.elasticity == "discrete" &&
-        (of.degree != 3 || of.spline == "bezier" || of.spline == "catmull-rom"))
+        (of.line.degree != 3 || of.line.knots == "bezier" ||
+         of.line.knots == "catmull-rom"))
         throw malformed({scene.path, 0, where + ".elasticity"},
                         "springs need a cubic spline, uniform or nonuniform");
     try
     {
-        return {curve_of(of, origin),
+        return {curve_of(of.line, points_of(of.line, origin)),
                 [&of](double share) { return section_of(of, share); },
                 {of.is_straight_at_rest ? RodRest::Straight : RodRest::Given,
                  of.rest_twist, of.link, of.elasticity == "discrete" ? 2 : 1,
@@ -189,17 +165,14 @@ void RodPart::warn_of_curve()
                                "stiffness: handles in line would make it smooth",
                                place.x(), place.y(), place.z())));
         }
-    const std::vector<Triple>& points =
-        statement_.points.empty() ? statement_.through : statement_.points;
-    const std::size_t given = points.size(),
-                      left = merged(vectors_of(points, origin_),
-                                    statement_.is_closed && statement_.points.empty())
-                                 .size();
-    const bool closes = statement_.is_closed && statement_.points.empty() && given > 1 &&
-                        points.front() == points.back();
-    if (statement_.spline != "bezier" && left + (closes ? 1 : 0) < given)
+    const SplineLine& line = statement_.line;
+    const bool is_through = line.form == SplineLine::Form::Through;
+    const std::size_t given = line.points.size(), left = points_of(line, origin_).size();
+    const bool closes = line.is_closed && is_through && given > 1 &&
+                        line.points.front() == line.points.back();
+    if (line.knots != "bezier" && left + (closes ? 1 : 0) < given)
         warnings.push_back(at(
-            {path_, 0, where_ + (statement_.points.empty() ? ".through" : ".points")},
+            {path_, 0, where_ + (is_through ? ".through" : ".points")},
             fmt::format("neighbours at the same place are one point: {} of {} are left",
                         left, given)));
 }
@@ -784,9 +757,8 @@ void RodPart::add_skin(Geometry& out) const
     for (const Piece& piece : pieces())
     {
         // Balls half a radius apart, the thinnest part's.
-        double radius = statement_.radius.front();
-        for (const double one : statement_.radius)
-            radius = std::min(radius, one);
+        const std::vector<double>& radii = statement_.line.radii;
+        const double radius = *std::min_element(radii.begin(), radii.end());
         const double length = this->length(piece);
         const int count = static_cast<int>(std::ceil(length / (0.5 * radius)));
         std::vector<Eigen::Vector3d> along = curve(piece, 8 * count + 1), centres;

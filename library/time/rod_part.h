@@ -36,7 +36,8 @@ public:
     bool carries() const { return statement_.carries; }
     double radius() const ///< the largest [m]
     {
-        return *std::max_element(statement_.radius.begin(), statement_.radius.end());
+        return *std::max_element(statement_.line.radii.begin(),
+                                 statement_.line.radii.end());
     }
     const Eigen::Vector3d& origin() const { return origin_; } ///< of its places [m]
     Rod rod;

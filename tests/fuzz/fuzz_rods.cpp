@@ -32,15 +32,11 @@ double balls_about(const RodScene& scene)
     double balls = 0.0;
     for (const RodStatement& rod : scene.rods)
     {
-        const double radius =
-            rod.contact_radius.value_or(rod.radius.empty() ? 1.0 : rod.radius.front());
-        for (const std::vector<Triple>* line : {&rod.points, &rod.through})
-            for (std::size_t k = 1; k < line->size(); ++k)
-                balls += 2.0 *
-                         std::hypot((*line)[k][0] - (*line)[k - 1][0],
-                                    (*line)[k][1] - (*line)[k - 1][1],
-                                    (*line)[k][2] - (*line)[k - 1][2]) /
-                         radius;
+        const double radius = rod.contact_radius.value_or(
+            rod.line.radii.empty() ? 1.0 : rod.line.radii.front());
+        const std::vector<Eigen::Vector3d>& points = rod.line.points;
+        for (std::size_t k = 1; k < points.size(); ++k)
+            balls += 2.0 * (points[k] - points[k - 1]).stableNorm() / radius;
     }
     return balls;
 }
@@ -50,9 +46,9 @@ bool is_small(const RodScene& scene)
 {
     double points = 0.0;
     for (const RodStatement& rod : scene.rods)
-        points +=
-            static_cast<double>(rod.points.size()) +
-            static_cast<double>(rod.through.size()) * static_cast<double>(rod.spans);
+        points += static_cast<double>(rod.line.points.size()) *
+                  static_cast<double>(
+                      rod.line.form == SplineLine::Form::Through ? rod.line.spans : 1);
     for (const NetStatement& net : scene.nets)
         points += static_cast<double>(net.points.size() + net.springs.size());
     points += static_cast<double>(scene.bodies.size() + scene.joints.size());
@@ -234,23 +230,23 @@ RodScene scene_of(Choices choose)
     scene.path = "x.json";
     RodStatement& rod = scene.rods.emplace_back();
     rod.name = "a";
-    const bool is_through = choose.below(2) == 0;
-    std::vector<Triple>& points = is_through ? rod.through : rod.points;
+    rod.line.form =
+        choose.below(2) == 0 ? SplineLine::Form::Through : SplineLine::Form::Points;
     for (int k = choose.below(8); k >= 0; --k)
-        points.push_back(choose.place());
-    rod.spans = 1 + choose.below(3);
-    rod.degree = 2 + choose.below(6);
-    rod.spline = kSplines[choose.below(4)];
-    rod.is_closed = choose.below(3) == 0;
+        rod.line.points.push_back(vector_of(choose.place()));
+    rod.line.spans = 1 + choose.below(3);
+    rod.line.degree = 2 + choose.below(6);
+    rod.line.knots = kSplines[choose.below(4)];
+    rod.line.is_closed = choose.below(3) == 0;
     rod.elasticity = kEnergies[choose.below(3)];
     rod.is_straight_at_rest = choose.below(2) == 0;
     rod.young = 1e6 * kScales[choose.below(6)];
     rod.density = 1e3 * kScales[choose.below(3)];
-    rod.radius = {0.01 * kScales[choose.below(3)]};
+    rod.line.radii = {0.01 * kScales[choose.below(3)]};
     if (choose.below(4) == 0)
-        rod.radius.push_back(0.02);
+        rod.line.radii.push_back(0.02);
     rod.rest_twist = choose.below(4) == 0 ? 10.0 * choose.share() : 0.0;
-    rod.link = rod.is_closed ? choose.below(4) : 0.0;
+    rod.link = rod.line.is_closed ? choose.below(4) : 0.0;
     for (int k = choose.below(3); k > 0; --k)
     {
         RodHold& hold = rod.holds.emplace_back();

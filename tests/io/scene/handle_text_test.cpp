@@ -69,7 +69,8 @@ std::string meaning_of(const HandleFile& file)
                 word(spline.near);
                 value(spline.is_closed);
                 value(spline.spans);
-                value(spline.radius.value_or(0.0));
+                for (const double radius : spline.radii)
+                    value(radius);
                 value(spline.stiffness.value_or(0.0));
                 value(spline.is_exact);
             }
@@ -222,7 +223,7 @@ SplineStatement any_spline(std::mt19937& rng, Role role)
     if (spline.form == Form::Through)
         spline.spans = 1 + std::int64_t(rng() % 8);
     if (role == Role::Rod && rng() % 2)
-        spline.radius = std::ldexp(double(1 + rng()), -20);
+        spline.radii = {std::ldexp(double(1 + rng()), -20)};
     if (role == Role::Rod && rng() % 2)
         spline.stiffness = std::ldexp(double(1 + rng()), -20);
     spline.is_exact = role == Role::Rod && rng() % 2;

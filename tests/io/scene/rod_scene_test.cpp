@@ -37,9 +37,9 @@ TEST(RodScene, says_what_stands_in_it_and_defaults_for_the_rest)
     ASSERT_EQ(scene.rods.size(), 1u);
     const RodStatement& rod = scene.rods[0];
     EXPECT_EQ(rod.name, "a");
-    EXPECT_EQ(rod.through.size(), 2u);
-    EXPECT_EQ(rod.spans, 4);
-    EXPECT_EQ(rod.radius, (std::vector<double>{0.1, 0.2}));
+    EXPECT_EQ(rod.line.points.size(), 2u);
+    EXPECT_EQ(rod.line.spans, 4);
+    EXPECT_EQ(rod.line.radii, (std::vector<double>{0.1, 0.2}));
     EXPECT_EQ(rod.young, 1e6);
     EXPECT_EQ((*rod.bending)[1], 2.0);
     EXPECT_FALSE(rod.twisting);
