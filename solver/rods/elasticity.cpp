@@ -90,51 +90,19 @@ public:
         kind_.is_plain = rod.is_straight();
         kind_.cubes = rod.cubes_of_steps();
         std::copy_n(rod.bending_places().begin(), kInside, kind_.place);
-        lay_out();
-        for (std::size_t e = 0; e < spans_.size(); ++e)
-            describe(e);
+        describe_spans();
         for (std::size_t e = 0; e < spans_.size(); ++e)
             kind_.is_plain = kind_.is_plain && is_round(e);
-        if (has_rest_curvature())
-            for (std::size_t k = 0; k < groups_.size(); ++k)
-            {
-                const ElasticStrains<M> rest = strains(rest_, k);
-                std::copy_n(&rest.curvature[0][0], 2 * kInside, &groups_[k].rest[0][0]);
-            }
+        find_rest_curvature();
     }
 
     void follow(const RodChange& change) override
     {
-        const std::vector<ElasticSpans<M>> before = std::move(groups_);
-        const std::vector<Span> spans = std::move(spans_);
         rest_.follow(change, rod_.rest().controls);
         kind_.is_predicted = false;
         damped_.clear();
-        lay_out(&change, spans);
-        std::vector<char> is_other(groups_.size(), 0);
-        for (std::size_t e = 0; e < spans_.size(); ++e)
-            if (change.keeps_basis[e])
-                copy_lane(before[idx(change.span_from[e]) / kSpanLanes],
-                          idx(change.span_from[e]) % kSpanLanes, groups_[e / kSpanLanes],
-                          e % kSpanLanes);
-            else
-            {
-                describe(e);
-                is_other[e / kSpanLanes] = 1;
-            }
-        if (!has_rest_curvature())
-            return;
-        for (std::size_t k = 0; k < groups_.size(); ++k)
-        {
-            if (!is_other[k])
-                continue;
-            const ElasticStrains<M> rest = strains(rest_, k);
-            for (std::size_t l = 0; l < idx(groups_[k].count); ++l)
-                if (!change.keeps_basis[k * kSpanLanes + l])
-                    for (int g = 0; g < kInside; ++g)
-                        for (const std::size_t i : {0u, 1u})
-                            groups_[k].rest[g][i].lane[l] = rest.curvature[g][i].lane[l];
-        }
+        describe_spans();
+        find_rest_curvature();
     }
 
     double value(const RodState& state) const override
@@ -383,15 +351,11 @@ private:
         }
     }
 
-    /// Unknowns of the spans, and groups of as many, empty.
-    void lay_out(const RodChange* change = nullptr, const std::vector<Span>& before = {})
+    /// All of the spans but their rest curvature.
+    void describe_spans()
     {
         const std::size_t num_spans = rod_.spans().size();
-        if (change && change->before.half_band != rod_.layout().half_band)
-        {
-            change = nullptr;
-            patterns_.clear();
-        }
+        patterns_.clear();
         spans_.clear();
         groups_.assign((num_spans + kSpanLanes - 1) / kSpanLanes, {});
         for (std::size_t e = 0; e < num_spans; ++e)
@@ -402,62 +366,25 @@ private:
                 span.control[idx(j)] = rod_.layout().control[idx(rod_.controls(e)[j])];
             for (const std::size_t end : {0u, 1u})
                 span.angle[end] = rod_.layout().angle[idx(rod_.spans()[e].station[end])];
-            // What has only moved has the pattern that it had.
-            const Span* const was = change && change->keeps_basis[e]
-                                        ? &before[idx(change->span_from[e])]
-                                        : nullptr;
-            if (was && has_moved(*was, span))
-            {
-                span.pattern = was->pattern;
-                span.first_unknown =
-                    was->first_unknown + span.control[0] - was->control[0];
-            }
-            else
-                find_pattern(span);
+            find_pattern(span);
             spans_.push_back(span);
             ElasticSpans<M>& group = groups_[e / kSpanLanes];
             ++group.count;
             group.num_stretch = std::max(group.num_stretch,
                                          static_cast<int>(rod_.stretch_places(e).size()));
+            describe(e);
         }
     }
 
-    /// All unknowns by the same number.
-    static bool has_moved(const Span& was, const Span& now)
+    void find_rest_curvature()
     {
-        const int by = now.control[0] - was.control[0];
-        for (std::size_t j = 0; j < idx(M); ++j)
-            if (now.control[j] != was.control[j] + by)
-                return false;
-        return now.angle[0] == was.angle[0] + by && now.angle[1] == was.angle[1] + by;
-    }
-
-    bool has_rest_curvature() const
-    {
-        return rod_.settings().rest == RodRest::Given && !kind_.is_plain;
-    }
-
-    /// All numbers of a span.
-    static void copy_lane(const ElasticSpans<M>& from, std::size_t l, ElasticSpans<M>& to,
-                          std::size_t k)
-    {
-        const auto copy = [&](const auto& a, auto& b)
+        if (rod_.settings().rest != RodRest::Given || kind_.is_plain)
+            return;
+        for (std::size_t k = 0; k < groups_.size(); ++k)
         {
-            const SpanNumbers* const in = reinterpret_cast<const SpanNumbers*>(&a);
-            SpanNumbers* const out = reinterpret_cast<SpanNumbers*>(&b);
-            for (std::size_t n = 0; n < sizeof a / sizeof(SpanNumbers); ++n)
-                out[n].lane[k] = in[n].lane[l];
-        };
-        copy(from.first, to.first);
-        copy(from.second, to.second);
-        copy(from.sigma, to.sigma);
-        copy(from.stiffness, to.stiffness);
-        copy(from.rest, to.rest);
-        copy(from.stretch_first, to.stretch_first);
-        copy(from.stretch_weight, to.stretch_weight);
-        copy(from.stretch_sigma, to.stretch_sigma);
-        copy(from.twist_stiffness, to.twist_stiffness);
-        copy(from.rest_twist, to.rest_twist);
+            const ElasticStrains<M> rest = strains(rest_, k);
+            std::copy_n(&rest.curvature[0][0], 2 * kInside, &groups_[k].rest[0][0]);
+        }
     }
 
     bool is_round(std::size_t e) const

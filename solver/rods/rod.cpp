@@ -115,9 +115,9 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
             before = u.normalized();
         }
     }
+    find_places();
     for (std::size_t e = 0; e < spans_.size(); ++e)
     {
-        find_places(e, spans_.size());
         weights_.push_back(weighed(e));
         for (int p = 0; p < num_places(); ++p)
         {
@@ -203,23 +203,24 @@ void Rod::find_spans()
     }
 }
 
-/// What acts in span \p e, of \p count.
-void Rod::find_places(std::size_t e, std::size_t count)
+/// What acts in the spans.
+void Rod::find_places()
 {
-    controls_.resize(count * idx(order_));
-    first_.resize(count * idx(num_places() * order_));
+    controls_.resize(spans_.size() * idx(order_));
+    first_.resize(spans_.size() * idx(num_places() * order_));
     second_.resize(first_.size());
-    for (int p = 0; p < num_places(); ++p)
-    {
-        const RodSpan& span = spans_[e];
-        const BasisValues values = basis().values_in(
-            static_cast<int>(e), span.begin + place(p) * (span.end - span.begin));
-        if (p == 0)
-            std::copy_n(values.control.begin(), order_, &controls_[e * idx(order_)]);
-        const std::size_t at = (e * idx(num_places()) + idx(p)) * idx(order_);
-        std::copy_n(values.value[1].begin(), order_, &first_[at]);
-        std::copy_n(values.value[2].begin(), order_, &second_[at]);
-    }
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+        for (int p = 0; p < num_places(); ++p)
+        {
+            const RodSpan& span = spans_[e];
+            const BasisValues values = basis().values_in(
+                static_cast<int>(e), span.begin + place(p) * (span.end - span.begin));
+            if (p == 0)
+                std::copy_n(values.control.begin(), order_, &controls_[e * idx(order_)]);
+            const std::size_t at = (e * idx(num_places()) + idx(p)) * idx(order_);
+            std::copy_n(values.value[1].begin(), order_, &first_[at]);
+            std::copy_n(values.value[2].begin(), order_, &second_[at]);
+        }
 }
 
 RodChange Rod::insert_knot(double s)
@@ -235,19 +236,14 @@ RodChange Rod::remove_knot(const KnotRemoval& removal)
     return change_to(std::move(rest), removal.change(), false);
 }
 
-// Of the few spans where functions are other ones everything is found again; what is
-// known of the others moves.
+// All is found again but for the weights, and lengths of spans that stay.
 RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
 {
-    RodChange out{is_insertion, {}, {}, {}, {}, -1, layout_, knot};
+    RodChange out{is_insertion, {}, {}, -1, layout_, knot};
     const std::vector<RodSpan> before = std::move(spans_);
-    const std::vector<int> old_controls = std::move(controls_);
     const std::vector<Weight> old_weights = std::move(weights_);
-    const std::vector<double> old_first = std::move(first_),
-                              old_second = std::move(second_);
     rest_ = std::move(rest);
     const std::vector<SplineSpan>& spans = basis().spans();
-    const double period = basis().is_closed() ? basis().end() - basis().begin() : 0.0;
     // Spans of the same parameters.
     std::size_t old = 0;
     for (std::size_t e = 0; e < spans.size(); ++e)
@@ -259,48 +255,21 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
         out.span_from.push_back(is_same ? static_cast<int>(old) : -1);
         if (!is_same && out.span < 0)
             out.span = static_cast<int>(e);
-        // By its middle: knots of other turns are off by rounding.
-        const double middle = 0.5 * (spans[e].begin + spans[e].end);
-        bool is_within = false;
-        for (const double turn : {-period, 0.0, period})
-            is_within =
-                is_within || (middle > knot.begin() + turn && middle < knot.end() + turn);
-        out.keeps_basis.push_back(is_same && !is_within);
     }
     arc_length_ = ArcLength(rest_, arc_length_, out.span_from);
     find_spans();
-    out.control_from.assign(idx(num_controls()), -1);
-    for (int i = 0; i <= knot.num_coarse(); ++i)
-        if (const int same = knot.same(i); same >= 0)
-            out.control_from[idx(is_insertion ? i : same)] = is_insertion ? same : i;
+    find_places();
     out.station_from.assign(idx(num_stations_), -1);
     const auto keep = [&](int now, int was) { out.station_from[idx(now)] = was; };
     for (std::size_t e = 0; e < spans_.size(); ++e)
-    {
-        if (out.span_from[e] >= 0)
-            for (const std::size_t end : {0u, 1u})
-                keep(spans_[e].station[end], before[idx(out.span_from[e])].station[end]);
-        if (!out.keeps_basis[e])
+        if (const int from = out.span_from[e]; from < 0)
+            weights_.emplace_back();
+        else
         {
-            find_places(e, spans_.size());
-            continue;
+            for (const std::size_t end : {0u, 1u})
+                keep(spans_[e].station[end], before[idx(from)].station[end]);
+            weights_.push_back(old_weights[idx(from)]);
         }
-        const std::size_t from = idx(out.span_from[e]), of_controls = idx(order_),
-                          of_places = idx(num_places() * order_);
-        controls_.resize(spans_.size() * of_controls);
-        first_.resize(spans_.size() * of_places);
-        second_.resize(first_.size());
-        // Control points move up or down by what came or went.
-        const int first_now = basis().first_control(static_cast<int>(e));
-        for (int j = 0; j < order_; ++j)
-            controls_[e * of_controls + idx(j)] =
-                basis().is_closed() ? (first_now + j) % num_controls() : first_now + j;
-        std::copy_n(&old_first[from * of_places], of_places, &first_[e * of_places]);
-        std::copy_n(&old_second[from * of_places], of_places, &second_[e * of_places]);
-    }
-    for (std::size_t e = 0; e < spans_.size(); ++e)
-        weights_.push_back(out.span_from[e] >= 0 ? old_weights[idx(out.span_from[e])]
-                                                 : Weight());
     // The ends of what was cut in two, or has become one.
     if (out.span >= 0)
     {
@@ -321,7 +290,6 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
             weights_[e] =
                 first.begin == last.begin && first.end == last.end ? first : weighed(e);
     }
-    layout_ = {};
     find_layout();
     return out;
 }
@@ -389,6 +357,7 @@ std::vector<std::array<double, 2>> Rod::pieces() const
 
 void Rod::find_layout()
 {
+    layout_ = {};
     const int n = num_controls();
     // Around a closed rod from both sides: 0, n - 1, 1, n - 2, ...
     std::vector<int> rank(idx(n));

@@ -85,14 +85,12 @@ struct RodSpan
     std::array<bool, 2> is_smooth = {}; ///< false: an end, or a knot of less than C^(d-1)
 };
 
-/// A knot that came into a rod or went, and what of it is still the same. Numbers before
-/// the change are -1 for what was not there.
+/// A knot that came into a rod or went, and which spans and stations are still the same.
+/// Numbers before the change are -1 for what was not there.
 struct RodChange
 {
     bool is_insertion = true;
-    std::vector<int> span_from;    ///< of each span
-    std::vector<char> keeps_basis; ///< of each span: the same functions act there
-    std::vector<int> control_from; ///< of each control point that has the same function
+    std::vector<int> span_from; ///< of each span
     std::vector<int> station_from;
     /// The first half of a span that was cut in two, or the span that two have become;
     /// -1: the knot has only become more or less smooth.
@@ -111,7 +109,7 @@ public:
     Rod(Spline rest, const std::function<Section(double)>& section,
         const RodSettings& settings);
 
-    /// One knot more. Rest curve, mass and what is between other knots stay the same.
+    /// One knot more. Rest curve and mass stay the same.
     /// Throws std::invalid_argument at the ends.
     RodChange insert_knot(double s);
     /// One knot less: that of \p removal, of this basis.
@@ -180,7 +178,7 @@ private:
     void find_spans();
     bool is_between_c1(std::size_t span) const;
     int num_stretch(std::size_t span) const;
-    void find_places(std::size_t span, std::size_t count);
+    void find_places();
     Weight weighed(std::size_t span) const;
     void find_layout();
     RodChange change_to(Spline rest, const KnotChange& knot, bool is_insertion);

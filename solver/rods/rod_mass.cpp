@@ -58,24 +58,15 @@ void add_product(const BandMatrix& A, const std::vector<int>& unknown,
 
 RodMass::RodMass(const Rod& rod) : rod_(rod)
 {
-    lay_out();
-    weights_.setZero(rod.num_controls());
-    const std::vector<char> all(idx(rod.num_controls()), 1);
-    for (std::size_t e = 0; e < rod.spans().size(); ++e)
-        add_span(e, all);
-    factorize();
+    find();
 }
 
-void RodMass::factorize()
+void RodMass::find()
 {
-    for (std::size_t e = 0; e < spins_.size(); ++e)
-    {
-        const auto [near, far] = rod_.spans()[e].station;
-        const int a = spin_rank_[idx(near)], b = spin_rank_[idx(far)];
-        spin_.lower(a, a) += spins_[e][0];
-        spin_.lower(b, b) += spins_[e][1];
-        spin_.add(a, b, spins_[e][2]);
-    }
+    lay_out();
+    weights_.setZero(rod_.num_controls());
+    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
+        add_span(e);
     place_factor_.factorize(place_);
     spin_factor_.factorize(spin_);
 }
@@ -102,17 +93,16 @@ void RodMass::lay_out()
     }
     place_ = BandMatrix(rod_.num_controls(), half_band);
     spin_ = BandMatrix(rod_.num_stations(), spin_band);
-    spins_.assign(rod_.spans().size(), {});
 }
 
-/// What a span adds to entries of which a control point \p is_other, and its spin.
-void RodMass::add_span(std::size_t e, const std::vector<char>& is_other)
+void RodMass::add_span(std::size_t e)
 {
     // Exact for the product of two functions and a cubic weight.
     const int count = rod_.basis().degree() + 2;
     const std::span<const double> places = gauss_places(count),
                                   weights = gauss_weights(count);
     const RodSpan& span = rod_.spans()[e];
+    double of_near = 0.0, of_far = 0.0, of_both = 0.0;
     for (std::size_t g = 0; g < places.size(); ++g)
     {
         const double h = span.end - span.begin, s = span.begin + places[g] * h;
@@ -122,53 +112,21 @@ void RodMass::add_span(std::size_t e, const std::vector<char>& is_other)
         {
             const double bi = values.value[0][idx(i)];
             const int control = values.control[idx(i)];
-            if (is_other[idx(control)])
-                weights_[control] += mass * bi;
+            weights_[control] += mass * bi;
             for (int j = 0; j <= i; ++j)
-                if (is_other[idx(control)] || is_other[idx(values.control[idx(j)])])
-                    place_.add(rank_[idx(control)], rank_[idx(values.control[idx(j)])],
-                               mass * bi * values.value[0][idx(j)]);
+                place_.add(rank_[idx(control)], rank_[idx(values.control[idx(j)])],
+                           mass * bi * values.value[0][idx(j)]);
         }
         const double x = places[g], spin = weights[g] * h * rod_.weight(e).spin_at(s);
-        spins_[e][0] += spin * (1 - x) * (1 - x);
-        spins_[e][1] += spin * x * x;
-        spins_[e][2] += spin * x * (1 - x);
+        of_near += spin * (1 - x) * (1 - x);
+        of_far += spin * x * x;
+        of_both += spin * x * (1 - x);
     }
-}
-
-// Entries of functions that have stayed move; those of the others are of the spans where
-// such act.
-void RodMass::follow(const RodChange& change)
-{
-    const BandMatrix place = std::move(place_);
-    const Eigen::VectorXd weights = std::move(weights_);
-    const std::vector<int> rank = std::move(rank_);
-    const std::vector<std::array<double, 3>> spins = std::move(spins_);
-    lay_out();
-    std::vector<char> is_other(idx(rod_.num_controls()), 0);
-    std::vector<int> from(is_other.size()); // by rank, old rank
-    weights_.setZero(rod_.num_controls());
-    for (std::size_t k = 0; k < is_other.size(); ++k)
-    {
-        const int was = change.control_from[k];
-        is_other[k] = was < 0;
-        from[idx(rank_[k])] = was < 0 ? -1 : rank[idx(was)];
-        if (was >= 0)
-            weights_[static_cast<Eigen::Index>(k)] = weights[was];
-    }
-    for (int j = 0; j < place_.rows(); ++j)
-        for (int i = j; i <= std::min(j + place_.half_band(), place_.rows() - 1); ++i)
-        {
-            const auto [low, high] = std::minmax(from[idx(i)], from[idx(j)]);
-            if (low >= 0 && high - low <= place.half_band())
-                place_.lower(i, j) = place.lower(high, low);
-        }
-    for (std::size_t e = 0; e < spins_.size(); ++e)
-        if (change.keeps_basis[e])
-            spins_[e] = spins[idx(change.span_from[e])];
-        else
-            add_span(e, is_other);
-    factorize();
+    const int near = spin_rank_[idx(span.station[0])],
+              far = spin_rank_[idx(span.station[1])];
+    spin_.lower(near, near) += of_near;
+    spin_.lower(far, far) += of_far;
+    spin_.add(near, far, of_both);
 }
 
 void RodMass::add_to(BandMatrix& out, double scale) const

@@ -3,7 +3,6 @@
 // z, and rho (I_1 + I_2) of the spin, linear between the stations. [Lenoir04]
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include <Eigen/Core>
@@ -19,8 +18,8 @@ class RodMass
 public:
     /// The rod must outlive it.
     explicit RodMass(const Rod& rod);
-    /// The rod has another knot: what is between others stays.
-    void follow(const RodChange& change);
+    /// Finds it again: the rod has another knot.
+    void find();
 
     /// out += scale * M
     void add_to(BandMatrix& out, double scale) const;
@@ -47,15 +46,12 @@ public:
 
 private:
     void lay_out();
-    void add_span(std::size_t span, const std::vector<char>& is_other);
-    void factorize();
+    void add_span(std::size_t span);
 
     const Rod& rod_;
     std::vector<int> control_, station_; ///< first unknowns, in the order of the bands
     std::vector<int> rank_, spin_rank_;  ///< places of control points and stations there
     BandMatrix place_, spin_;
-    /// Of each span: of its near station, of its far one, of both.
-    std::vector<std::array<double, 3>> spins_;
     BandFactor place_factor_, spin_factor_;
     Eigen::VectorXd weights_;
 };

@@ -20,7 +20,7 @@ RodModel::RodModel(const Rod& rod) : rod_(&rod), mass_(rod) {}
 
 void RodModel::follow(const RodChange& change)
 {
-    mass_.follow(change);
+    mass_.find();
     for (const std::unique_ptr<RodTerm>& term : terms)
         term->follow(change);
     held_.clear();

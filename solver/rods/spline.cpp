@@ -425,8 +425,6 @@ KnotChange::KnotChange(const SplineBasis& coarse, double s, int knot)
         const int i = knot - degree_ + 1 + j;
         share_[idx(j)] = (s - U[idx(i)]) / (U[idx(i + degree_)] - U[idx(i)]);
     }
-    begin_ = U[idx(knot - degree_)];
-    end_ = U[idx(knot + degree_ + 1)];
 }
 
 int KnotChange::unwrapped(int fine) const

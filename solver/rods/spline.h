@@ -112,9 +112,6 @@ public:
     int first_coarse() const { return (knot_ - degree_) % num_coarse_; }
     int degree() const { return degree_; }
     int num_coarse() const { return num_coarse_; }
-    /// Parameters, on a closed curve up to a turn off, between which something changes.
-    double begin() const { return begin_; }
-    double end() const { return end_; }
     const SplineBasis& fine() const { return fine_; }
 
 private:
@@ -125,7 +122,6 @@ private:
     SplineBasis fine_;
     int degree_, num_coarse_, knot_; ///< k of U_k <= s < U_{k+1}
     bool is_closed_;
-    double begin_ = 0.0, end_ = 0.0;
     std::array<double, kMaxOrder> share_ = {}; ///< a_i from k - degree + 1 on
 };
 

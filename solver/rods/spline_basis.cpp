@@ -87,11 +87,6 @@ int SplineBasis::smoothness_before(int span) const
     return degree_ - multiplicity;
 }
 
-int SplineBasis::first_control(int span) const
-{
-    return knot_of_span_[idx(span)] - degree_;
-}
-
 double SplineBasis::wrapped(double s) const
 {
     if (!is_closed_)

@@ -59,8 +59,6 @@ public:
     /// The span of a parameter; one before or behind the ends is brought to them, of a
     /// closed curve around it.
     int span_of(double s) const;
-    /// The first of the control points that act in a span.
-    int first_control(int span) const;
     /// \p s within the span, both ends included: at a knot this tells of which side.
     BasisValues values_in(int span, double s) const;
     BasisValues values(double s) const;

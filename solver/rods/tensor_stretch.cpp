@@ -50,7 +50,7 @@ int num_orders(int a, int b, int c, int d)
 class TensorStretch final : public RodTerm
 {
 public:
-    explicit TensorStretch(const Rod& rod);
+    explicit TensorStretch(const Rod& rod) : rod_(rod), tensor_(0, 0, false) { find(); }
 
     double value(const RodState& state) const override;
     double cancelled() const override { return constant_; }
@@ -58,7 +58,7 @@ public:
     void add_hessian(const RodState& state, RodHessian how,
                      BandMatrix& out) const override;
 
-    void follow(const RodChange& change) override;
+    void follow(const RodChange&) override { find(); }
 
 private:
     /// One place of quadrature.
@@ -77,7 +77,10 @@ private:
     };
     /// How many legs act at a place.
     int order() const { return rod_.order() - 1; }
-    int num_legs() const { return num_legs_; }
+    int num_legs() const
+    {
+        return rod_.num_controls() - (rod_.basis().is_closed() ? 0 : 1);
+    }
     /// First unknown of the control point where a leg begins; that of the next one is
     /// where it ends.
     int begin_of(int leg) const
@@ -88,8 +91,8 @@ private:
     {
         return state.x().segment<3>(begin_of(k + 1)) - state.x().segment<3>(begin_of(k));
     }
-    void add_span(std::size_t span, const std::vector<char>& is_other);
-    void add_constant();
+    void find();
+    void add_span(std::size_t span);
     void add_block(int j, int k, const Matrix3d& B, BandMatrix& out) const;
     Window window(const RodState& state, int i) const;
     /// each(w / 8, {0, a, b, c}) for the entries that begin with i.
@@ -105,39 +108,26 @@ private:
     }
 
     const Rod& rod_;
-    int num_legs_;
     std::vector<Place> places_;
     PackedTensor tensor_;
     std::vector<double> pairs_; ///< N_ij of i and what stands behind it
     double constant_ = 0.0;     ///< int YA sigma ds [N m]
 };
 
-int legs_of(const Rod& rod)
+void TensorStretch::find()
 {
-    return rod.num_controls() - (rod.basis().is_closed() ? 0 : 1);
-}
-
-TensorStretch::TensorStretch(const Rod& rod)
-    : rod_(rod), num_legs_(legs_of(rod)),
-      tensor_(num_legs_, order(), rod.basis().is_closed()),
-      pairs_(idx(num_legs_) * idx(order()), 0.0)
-{
-    places_.resize(rod.spans().size() * kCount);
-    const std::vector<char> all(idx(num_legs_), 1);
-    for (std::size_t e = 0; e < rod.spans().size(); ++e)
-        add_span(e, all);
-    add_constant();
-}
-
-void TensorStretch::add_constant()
-{
+    tensor_ = PackedTensor(num_legs(), order(), rod_.basis().is_closed());
+    pairs_.assign(idx(num_legs()) * idx(order()), 0.0);
+    places_.resize(rod_.spans().size() * kCount);
+    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
+        add_span(e);
     constant_ = 0.0;
     for (const Place& place : places_)
         constant_ += place.weight * place.sigma;
 }
 
-/// The places of a span, and what they add to entries of which a leg \p is_other.
-void TensorStretch::add_span(std::size_t e, const std::vector<char>& is_other)
+/// The places of a span, and what they add.
+void TensorStretch::add_span(std::size_t e)
 {
     for (std::size_t g = 0; g < kCount; ++g)
     {
@@ -155,81 +145,17 @@ void TensorStretch::add_span(std::size_t e, const std::vector<char>& is_other)
         const double of_four = place.weight / std::pow(place.sigma, 3),
                      of_two = place.weight / place.sigma;
         const std::array<double, kMaxOrder>& c = place.share;
-        std::array<bool, kMaxOrder> other = {};
-        for (int i = 0; i < order(); ++i)
-            other[idx(i)] = is_other[idx((rod_.controls(e)[0] + i) % num_legs_)];
         for (int i = 0; i < order(); ++i)
             for (int j = i; j < order(); ++j)
             {
-                const int first = (rod_.controls(e)[0] + i) % num_legs_;
-                const bool of_both = other[idx(i)] || other[idx(j)];
-                if (of_both)
-                    pair(first, j - i) += of_two * c[idx(i)] * c[idx(j)];
+                const int first = (rod_.controls(e)[0] + i) % num_legs();
+                pair(first, j - i) += of_two * c[idx(i)] * c[idx(j)];
                 for (int k = j; k < order(); ++k)
                     for (int l = k; l < order(); ++l)
-                        if (of_both || other[idx(k)] || other[idx(l)])
-                            tensor_.at(first, first + j - i, first + k - i,
-                                       first + l - i) +=
-                                of_four * c[idx(i)] * c[idx(j)] * c[idx(k)] * c[idx(l)];
+                        tensor_.at(first, first + j - i, first + k - i, first + l - i) +=
+                            of_four * c[idx(i)] * c[idx(j)] * c[idx(k)] * c[idx(l)];
             }
     }
-}
-
-// Entries of legs that have stayed move to where these are now; those with another leg
-// are of the spans where such act. A leg has stayed if both of its control points have.
-void TensorStretch::follow(const RodChange& change)
-{
-    const PackedTensor tensor = std::move(tensor_);
-    const std::vector<double> pairs = std::move(pairs_);
-    const std::vector<Place> places = std::move(places_);
-    const int num_before = num_legs_;
-    num_legs_ = legs_of(rod_);
-    tensor_ = PackedTensor(num_legs_, order(), rod_.basis().is_closed());
-    pairs_.assign(idx(num_legs_) * idx(order()), 0.0);
-    places_.resize(rod_.spans().size() * kCount);
-    std::vector<int> from(idx(num_legs_), -1);
-    std::vector<char> is_other(idx(num_legs_), 1);
-    for (int k = 0; k < num_legs_; ++k)
-    {
-        const int begin = change.control_from[idx(k)],
-                  end = change.control_from[idx((k + 1) % rod_.num_controls())];
-        if (begin >= 0 && end >= 0)
-        {
-            from[idx(k)] = begin;
-            is_other[idx(k)] = 0;
-        }
-    }
-    // Neighbours that have stayed are neighbours still, but for a closed rod of few.
-    const auto old = [&](int i, int offset)
-    {
-        const int first = from[idx(i)], leg = from[idx((i + offset) % num_legs_)];
-        return first >= 0 && leg >= 0 && (first + offset) % num_before == leg;
-    };
-    for (int i = 0; i < num_legs_; ++i)
-    {
-        const int reach = tensor_.reach(i);
-        double* entry = tensor_.from(i);
-        for (int c = 0; c < reach; ++c)
-        {
-            if (old(i, c))
-                pair(i, c) = pairs[idx(from[idx(i)]) * idx(order()) + idx(c)];
-            for (int b = 0; b <= c; ++b)
-                for (int a = 0; a <= b; ++a, ++entry)
-                    if (old(i, a) && old(i, b) && old(i, c))
-                        *entry =
-                            tensor.from(from[idx(i)])[PackedTensor::address(a, b, c)];
-        }
-    }
-    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
-        if (!change.keeps_basis[e])
-            add_span(e, is_other);
-        else
-            for (std::size_t g = 0; g < kCount; ++g)
-            {
-                places_[e * kCount + g] = places[idx(change.span_from[e]) * kCount + g];
-                places_[e * kCount + g].span = e;
-            }
-    add_constant();
 }
 
 TensorStretch::Window TensorStretch::window(const RodState& state, int i) const

@@ -29,7 +29,6 @@ public:
     }
     /// Of those that begin with \p i: at offsets a <= b <= c, in the order of address().
     const double* from(int i) const { return values_.data() + first_[idx(i)]; }
-    double* from(int i) { return values_.data() + first_[idx(i)]; }
     /// How far behind i the others may lie.
     int reach(int i) const { return reach_[idx(i)]; }
 
