@@ -5,9 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-
-#include "solver/linear/rounding.h"
+#include <utility>
 
 namespace cellwarp::core
 {
@@ -21,18 +19,19 @@ using Eigen::Vector3d;
 
 SpringNet::SpringNet(std::vector<Vector3d> points, Eigen::VectorXd mass,
                      const std::vector<NetSpring>& springs)
-    : mass_(std::move(mass)), is_fast_(points.size(), 0)
+    : is_fast_(points.size(), 0)
 {
-    x.resize(3 * static_cast<Eigen::Index>(points.size()));
+    Eigen::VectorXd at(3 * static_cast<Eigen::Index>(points.size()));
     Vector3d low = points.front(), high = low;
     for (std::size_t k = 0; k < points.size(); ++k)
     {
-        x.segment<3>(3 * static_cast<Eigen::Index>(k)) = points[k];
+        at.segment<3>(3 * static_cast<Eigen::Index>(k)) = points[k];
         low = low.cwiseMin(points[k]);
         high = high.cwiseMax(points[k]);
     }
     size_ = (high - low).norm();
-    velocity = Eigen::VectorXd::Zero(x.size());
+    stand_at(std::move(at));
+    weights_ = std::move(mass);
     for (const NetSpring& spring : springs)
     {
         const auto [a, b] = std::minmax(spring.node[0], spring.node[1]);
@@ -40,30 +39,15 @@ SpringNet::SpringNet(std::vector<Vector3d> points, Eigen::VectorXd mass,
                       spring.stiffness,
                       (point(a) - point(b)).norm()});
     }
-    start_ = trial_ = velocity_before_ = x;
     diagonal_ = Eigen::VectorXd::Zero(x.size());
-}
-
-double SpringNet::weight(const Eigen::VectorXd& at) const
-{
-    double sum = 0.0;
-    for (int k = 0; k < num_points(); ++k)
-        sum -= mass_[k] * gravity.dot(at.segment<3>(3 * k));
-    return sum;
 }
 
 double SpringNet::kinetic() const
 {
     double sum = 0.0;
     for (int k = 0; k < num_points(); ++k)
-        sum += 0.5 * mass_[k] * velocity.segment<3>(3 * k).squaredNorm();
+        sum += 0.5 * weights_[k] * velocity.segment<3>(3 * k).squaredNorm();
     return sum;
-}
-
-ArticulableObject::Energy SpringNet::energy() const
-{
-    const double moving = kinetic(), stretched = elastic();
-    return {moving + stretched + weight(x), moving + stretched};
 }
 
 Vector3d SpringNet::place(int place, bool of_trial) const
@@ -79,29 +63,6 @@ void SpringNet::add_moved(int place, const Vector3d& n, SparseRow& out) const
         out.emplace_back(3 * place + c, n[c]);
 }
 
-void SpringNet::start(double step)
-{
-    step_ = step;
-    pull_ = 1.0 / (step * step);
-    start_ = x;
-    // Implicit Euler damps as a material with damping = step does.
-    springs_.damp(x, std::max(damping - step, 0.0) / step);
-    velocity_before_ = velocity;
-}
-
-void SpringNet::finish()
-{
-    velocity = (x - start_) / step_;
-    springs_.damp(x, 0.0);
-}
-
-void SpringNet::undo()
-{
-    springs_.damp(start_, 0.0);
-    x = start_;
-    velocity = velocity_before_;
-}
-
 void SpringNet::measure(bool of_trial, Measure& out)
 {
     const Eigen::VectorXd& at = of_trial ? trial_ : x;
@@ -109,8 +70,8 @@ void SpringNet::measure(bool of_trial, Measure& out)
     for (int k = 0; k < num_points(); ++k)
     {
         const Vector3d way = at.segment<3>(3 * k) - start_.segment<3>(3 * k);
-        out.value += mass_[k] * (0.5 * pull_ * way.squaredNorm() -
-                                 velocity_before_.segment<3>(3 * k).dot(way) / step_);
+        out.value += weights_[k] * (0.5 * pull_ * way.squaredNorm() -
+                                    velocity_before_.segment<3>(3 * k).dot(way) / step_);
     }
 }
 
@@ -127,17 +88,13 @@ double SpringNet::linearise(Eigen::VectorXd& gradient, Measure&)
     double at_work = 0.0;
     for (int k = 0; k < num_points(); ++k)
         gradient.segment<3>(3 * k) =
-            mass_[k] * (pull_ * (point(k) - start_.segment<3>(3 * k)) -
-                        velocity_before_.segment<3>(3 * k) / step_ - gravity);
-    at_work = std::max(gradient.cwiseAbs().maxCoeff(), mass_.maxCoeff() * gravity.norm());
+            weights_[k] * (pull_ * (point(k) - start_.segment<3>(3 * k)) -
+                           velocity_before_.segment<3>(3 * k) / step_ - gravity);
+    at_work =
+        std::max(gradient.cwiseAbs().maxCoeff(), weights_.maxCoeff() * gravity.norm());
     at_work = std::max(at_work, springs_.add_gradient(x, gradient));
     let_go_of_fast(gradient);
     return at_work;
-}
-
-double SpringNet::noise_of_forces() const
-{
-    return 8.0 * kRounding * (springs_.stiffest() + pull_ * mass_.maxCoeff()) * extent();
 }
 
 SaddleSolver::Report SpringNet::factorize(const Eigen::VectorXd&, int& level)
@@ -152,7 +109,7 @@ SaddleSolver::Report SpringNet::factorize(const Eigen::VectorXd&, int& level)
                                  is_fast_[idx(u / 3)]
                                      ? 1.0
                                      : std::pow(4.0, std::max(level - 1, 0)) * pull_ *
-                                           mass_[u / 3]);
+                                           weights_[u / 3]);
         springs_.for_each_block(
             x,
             level == 0 ? DistanceSprings::Curvature::Exact
@@ -193,14 +150,9 @@ void SpringNet::solve(Eigen::VectorXd& r, Eigen::VectorXd&) const
     r = factor_->solve(r);
 }
 
-void SpringNet::try_step(const Eigen::VectorXd& step, double length)
-{
-    trial_ = x + length * step;
-}
-
 void SpringNet::add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const
 {
-    springs_.add_correction(x, trial_, part, out);
+    SpringObject::add_correction(part, out);
     let_go_of_fast(out);
 }
 

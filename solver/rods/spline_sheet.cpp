@@ -29,7 +29,6 @@
 
 #include "octree/base/index.h"
 #include "solver/dynamics/contradiction.h"
-#include "solver/linear/rounding.h"
 #include "solver/rods/gauss.h"
 
 namespace cellwarp::core
@@ -95,7 +94,7 @@ SplineSheet::SplineSheet(const SheetShape& of) : order_(of.sides.size())
         num_controls *= shape.counts[a];
     }
     mass_ = shape.density * volume;
-    x.resize(3 * num_controls);
+    Eigen::VectorXd controls(3 * num_controls);
     // Control points at the means of their knots make the parallelogram itself.
     for (int k = 0; k < num_controls; ++k)
     {
@@ -106,10 +105,9 @@ SplineSheet::SplineSheet(const SheetShape& of) : order_(of.sides.size())
             q += means_of(bases_[a])[idx(rest % shape.counts[a])] * shape.sides[a];
             rest /= shape.counts[a];
         }
-        x.segment<3>(3 * k) = q;
+        controls.segment<3>(3 * k) = q;
     }
-    velocity = Eigen::VectorXd::Zero(x.size());
-    start_ = trial_ = velocity_before_ = x;
+    stand_at(std::move(controls));
     for (const Vector3d& side : shape.sides)
         size_ += side.norm();
     int reach = 0, stride = 1;
@@ -251,7 +249,8 @@ void SplineSheet::find_mass()
         mass_factors_.emplace_back(M);
         masses_.push_back(std::move(M));
     }
-    weights_ = times_mass(Eigen::VectorXd::Ones(x.size()));
+    weights_ = times_mass(Eigen::VectorXd::Ones(x.size()))(
+        Eigen::seqN(0, num_controls(), Eigen::fix<3>));
     for (int k = 0; k < num_controls(); ++k)
     {
         // Column k of M, by its factors.
@@ -466,40 +465,19 @@ double SplineSheet::own_violation() const
     return off.size() > 0 ? off.cwiseAbs().maxCoeff() : 0.0;
 }
 
-// Energy.
-
-double SplineSheet::weight(const Eigen::VectorXd& x_at) const
-{
-    double sum = 0.0;
-    for (int k = 0; k < num_controls(); ++k)
-        sum -= weights_[3 * k] * gravity.dot(x_at.segment<3>(3 * k));
-    return sum;
-}
-
-ArticulableObject::Energy SplineSheet::energy() const
-{
-    const double moving = kinetic(), stretched = elastic();
-    return {moving + stretched + weight(x), moving + stretched};
-}
-
 // One solve.
 
 void SplineSheet::start(double step)
 {
-    step_ = step;
-    pull_ = 1.0 / (step * step) + viscosity / step;
-    start_ = x;
-    velocity_before_ = velocity;
-    // Implicit Euler damps as a material with damping = step does.
-    springs_.damp(x, std::max(damping - step, 0.0) / step);
+    SpringObject::start(step);
+    pull_ += viscosity / step;
     momentum_ = times_mass(velocity) / step;
     slides_before_ = slides_;
 }
 
 void SplineSheet::finish()
 {
-    velocity = (x - start_) / step_;
-    springs_.damp(x, 0.0);
+    SpringObject::finish();
     for (Slide& slide : slides_)
     {
         seek(x, slide.point, slide.foot);
@@ -536,10 +514,8 @@ ArticulableObject::Again SplineSheet::again(const Eigen::VectorXd&, bool)
 
 void SplineSheet::undo()
 {
-    springs_.damp(start_, 0.0);
+    SpringObject::undo();
     slides_ = slides_before_;
-    x = start_;
-    velocity = velocity_before_;
 }
 
 void SplineSheet::measure(bool of_trial, Measure& out)
@@ -558,7 +534,7 @@ double SplineSheet::linearise(Eigen::VectorXd& gradient, Measure& here)
     gradient = pull_ * times_mass(x - start_) - momentum_;
     double at_work = gradient.cwiseAbs().maxCoeff();
     for (int k = 0; k < num_controls(); ++k)
-        gradient.segment<3>(3 * k) -= weights_[3 * k] * gravity;
+        gradient.segment<3>(3 * k) -= weights_[k] * gravity;
     at_work = std::max(at_work, weights_.maxCoeff() * gravity.norm());
     at_work = std::max(at_work, springs_.add_gradient(x, gradient));
     rows_.clear();
@@ -596,12 +572,6 @@ void SplineSheet::take_off_contradiction(Measure& here)
 {
     contradiction_ = contradiction(rows_, rows_off_);
     here.violation = rows_off_ - contradiction_;
-}
-
-double SplineSheet::noise_of_forces() const
-{
-    return 8.0 * kRounding * (springs_.stiffest() + pull_ * weights_.maxCoeff()) *
-           extent();
 }
 
 /// Takes pressed * d2d off the matrix.

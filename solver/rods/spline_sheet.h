@@ -9,8 +9,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 
-#include "solver/dynamics/articulable_object.h"
-#include "solver/dynamics/distance_springs.h"
+#include "solver/dynamics/spring_object.h"
 #include "solver/rods/spline_basis.h"
 
 namespace cellwarp::core
@@ -31,17 +30,14 @@ struct SheetShape
 /// Shares of the sides; the third is of blocks.
 using SheetPlace = std::array<double, 3>;
 
-class SplineSheet : public ArticulableObject
+class SplineSheet : public SpringObject
 {
 public:
     /// Throws std::invalid_argument for sides that span nothing, and for fewer control
     /// points than the degree needs.
     explicit SplineSheet(const SheetShape& shape);
 
-    Eigen::VectorXd x, velocity;                       ///< 3 of each control point
-    Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
-    double viscosity = 0.0;                            ///< of the velocity [1/s]
-    double damping = 0.0; ///< of the springs: force follows length + damping * rate [s]
+    double viscosity = 0.0; ///< of the velocity [1/s]
 
     /// A number for joints.
     int add_place(const SheetPlace& place);
@@ -67,15 +63,11 @@ public:
     /// M^-1 f likewise.
     Eigen::VectorXd solved_mass(const Eigen::VectorXd& f) const;
     double mass() const { return mass_; } ///< [kg]
-    double kinetic() const { return 0.5 * velocity.dot(times_mass(velocity)); }
-    double elastic() const { return springs_.energy(x); }
+    double kinetic() const override { return 0.5 * velocity.dot(times_mass(velocity)); }
     double weight_energy() const { return weight(x); }
     Eigen::Vector3d momentum() const;
     Eigen::Vector3d angular_momentum() const; ///< about the origin
 
-    int num_unknowns() const override { return static_cast<int>(x.size()); }
-    double size() const override { return size_; }
-    double extent() const override { return std::max(size_, x.cwiseAbs().maxCoeff()); }
     double own_violation() const override;
     Eigen::Vector3d place(int place, bool of_trial) const override;
     void add_moved(int place, const Eigen::Vector3d& n, SparseRow& out) const override;
@@ -83,11 +75,6 @@ public:
     double linearise(Eigen::VectorXd& gradient, Measure& here) override;
     void add_own_forces(const Eigen::VectorXd& lambda, double scale,
                         Eigen::VectorXd& out) const override;
-    double noise_of_forces() const override;
-    double cancelled() const override
-    {
-        return 1e-6 * springs_.stiffest() * size_ * size_;
-    }
     SaddleSolver::Report factorize(const Eigen::VectorXd& lambda, int& level) override;
     void take_off_contradiction(Measure& here) override;
     void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const override
@@ -98,29 +85,11 @@ public:
     {
         return matrix_.lower(unknown, unknown);
     }
-    double turn(const Eigen::VectorXd& step) const override
-    {
-        return springs_.turn(x, step);
-    }
-    void try_step(const Eigen::VectorXd& step, double length) override
-    {
-        trial_ = x + length * step;
-    }
-    void try_more(const Eigen::VectorXd& step) override { trial_ += step; }
-    void add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const override
-    {
-        springs_.add_correction(x, trial_, part, out);
-    }
-    void accept(const Eigen::VectorXd*) override { x = trial_; }
     Again again(const Eigen::VectorXd&, bool) override;
     bool is_beyond() const override;
-    void go_back() override { x = start_; }
     void start(double step) override;
     void finish() override;
     void undo() override;
-    double way() const override { return (x - start_).cwiseAbs().maxCoeff(); }
-    Energy energy() const override;
-    void rest() override { velocity.setZero(); }
 
 private:
     struct Fixed
@@ -145,7 +114,6 @@ private:
     void find_mass();
     template <class Each>
     Eigen::VectorXd along_each_index(const Eigen::VectorXd& v, const Each& each) const;
-    double weight(const Eigen::VectorXd& at) const;
     /// Where a sheet is nearest to a point, from \p foot on, and its normal there.
     Eigen::Vector3d seek(const Eigen::VectorXd& at, const Eigen::Vector3d& point,
                          SheetPlace& foot) const;
@@ -157,16 +125,13 @@ private:
     std::vector<SplineBasis> bases_;
     std::vector<Eigen::MatrixXd> masses_; ///< of each index alone, their sums 1
     std::vector<Eigen::LLT<Eigen::MatrixXd>> mass_factors_;
-    double mass_ = 0.0, size_ = 0.0;
-    Eigen::VectorXd weights_; ///< of each control point, of the mass
-    DistanceSprings springs_;
+    double mass_ = 0.0;
     std::vector<PointShares> places_;
     std::vector<Fixed> fixed_;
     std::vector<Slide> slides_, slides_before_;
 
     // One step.
-    double step_ = 1.0, pull_ = 0.0; ///< [s], of the mass in second derivatives [1/s^2]
-    Eigen::VectorXd start_, trial_, velocity_before_, momentum_;
+    Eigen::VectorXd momentum_;
     std::vector<SparseRow> rows_;
     Eigen::VectorXd rows_off_, contradiction_;
     BandMatrix matrix_, mass_band_;
