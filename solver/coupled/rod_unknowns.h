@@ -72,7 +72,6 @@ public:
     /// The first unknown of a rod among those of all rods; the last: how many.
     int first(std::size_t rod) const { return first_[rod]; }
     int num_unknowns() const { return first_.back(); }
-    int num_carried() const { return num_carried_; }
     /// Whether the last step from the base turned or stretched a part of a rod so much
     /// that it may have come to another minimum, with a loop or a turn more.
     bool is_too_far() const { return is_too_far_; }

@@ -8,8 +8,8 @@
 // longer than 1.7 times their width have no such edges; theirs are kept above 0. Sheets
 // do not resist bending.
 //
-// Mass: of even density M = M_a x M_b x M_c, products and solves go along one index after
-// the other with the small factors.
+// Mass: of even density M = M_a x M_b x M_c, products go along one index after the other
+// with the small factors.
 //
 // What slides over a point p: with the place (a, b) nearest to p, its normal n and
 // d = n . (P(a, b) - p), the row is d = 0; as the place is the nearest, its own move does
@@ -246,7 +246,6 @@ void SplineSheet::find_mass()
                             gauss_weights(count)[g] * span.length() / length *
                             values.value[0][idx(i)] * values.value[0][idx(j)];
             }
-        mass_factors_.emplace_back(M);
         masses_.push_back(std::move(M));
     }
     weights_ = times_mass(Eigen::VectorXd::Ones(x.size()))(
@@ -272,16 +271,13 @@ void SplineSheet::find_mass()
     }
 }
 
-/// each(a, line) for every line of numbers along index a, of every coordinate.
-template <class Each>
-Eigen::VectorXd SplineSheet::along_each_index(const Eigen::VectorXd& v,
-                                              const Each& each) const
+Eigen::VectorXd SplineSheet::times_mass(const Eigen::VectorXd& v) const
 {
     Eigen::VectorXd out = v;
     int stride = 1;
-    for (std::size_t a = 0; a < bases_.size(); ++a)
+    for (const Eigen::MatrixXd& M : masses_)
     {
-        const int n = bases_[a].num_controls();
+        const int n = static_cast<int>(M.rows());
         Eigen::VectorXd line(n);
         for (int first = 0; first < num_controls(); ++first)
         {
@@ -291,27 +287,14 @@ Eigen::VectorXd SplineSheet::along_each_index(const Eigen::VectorXd& v,
             {
                 for (int i = 0; i < n; ++i)
                     line[i] = out[3 * (first + i * stride) + c];
-                line = each(a, line);
+                line = M * line;
                 for (int i = 0; i < n; ++i)
                     out[3 * (first + i * stride) + c] = line[i];
             }
         }
         stride *= n;
     }
-    return out;
-}
-
-Eigen::VectorXd SplineSheet::times_mass(const Eigen::VectorXd& v) const
-{
-    return mass_ * along_each_index(v, [&](std::size_t a, const Eigen::VectorXd& line)
-                                    { return Eigen::VectorXd(masses_[a] * line); });
-}
-
-Eigen::VectorXd SplineSheet::solved_mass(const Eigen::VectorXd& f) const
-{
-    return along_each_index(f, [&](std::size_t a, const Eigen::VectorXd& line)
-                            { return Eigen::VectorXd(mass_factors_[a].solve(line)); }) /
-           mass_;
+    return mass_ * out;
 }
 
 Vector3d SplineSheet::momentum() const

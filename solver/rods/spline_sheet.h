@@ -6,7 +6,6 @@
 #include <array>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 #include "solver/dynamics/spring_object.h"
@@ -60,8 +59,6 @@ public:
     /// M v by the factors of the mass, M = M_a x M_b (x M_c): along one index after the
     /// other.
     Eigen::VectorXd times_mass(const Eigen::VectorXd& v) const;
-    /// M^-1 f likewise.
-    Eigen::VectorXd solved_mass(const Eigen::VectorXd& f) const;
     double mass() const { return mass_; } ///< [kg]
     double kinetic() const override { return 0.5 * velocity.dot(times_mass(velocity)); }
     double weight_energy() const { return weight(x); }
@@ -112,8 +109,6 @@ private:
     void add_springs(const SheetShape& shape);
     void add_curvature(const Slide& slide, double pressed);
     void find_mass();
-    template <class Each>
-    Eigen::VectorXd along_each_index(const Eigen::VectorXd& v, const Each& each) const;
     /// Where a sheet is nearest to a point, from \p foot on, and its normal there.
     Eigen::Vector3d seek(const Eigen::VectorXd& at, const Eigen::Vector3d& point,
                          SheetPlace& foot) const;
@@ -124,7 +119,6 @@ private:
     std::vector<std::size_t> order_; ///< of each side its number in the statement
     std::vector<SplineBasis> bases_;
     std::vector<Eigen::MatrixXd> masses_; ///< of each index alone, their sums 1
-    std::vector<Eigen::LLT<Eigen::MatrixXd>> mass_factors_;
     double mass_ = 0.0;
     std::vector<PointShares> places_;
     std::vector<Fixed> fixed_;
