@@ -37,7 +37,7 @@ endfunction()
 
 function(cellwarp_program name)
   add_executable(${name} ${ARGN})
-  target_compile_definitions(${name} PRIVATE CELLWARP_VERSION="${PROJECT_VERSION}")
+  target_compile_definitions(${name} PRIVATE CELLWARP_VERSION="${CELLWARP_VERSION_TEXT}")
   cellwarp_compile(${name})
   if(CELLWARP_INSTALL)
     install(TARGETS ${name})

@@ -51,6 +51,9 @@ ROOMS = {
     "library/picture": {"library/picture", "library/session", "io/scene", "io/formats",
                         "io/base", "octree", "octree/base", "solver/cells",
                         "solver/field"},
+    "library": {"library", "library/study", "library/stream", "library/time",
+                "library/session", "io/scene", "io/formats", "io/base", "octree",
+                "octree/base", "solver/minimize", "solver/cells", "solver/field"},
     "editor/process": {"editor/process", "library/session", "io/base", "solver/linear"},
     "editor/cli": {"editor/cli", "editor/process", "library/time", "library/picture",
                    "library/stream", "library/study", "library/session", "io/scene",
@@ -84,7 +87,7 @@ TESTS = {
 LIBRARIES = {
     "cholmod.h": {"solver/linear/cholesky.cpp"},
     "lapacke.h": {"solver/field/rbf.cpp"},
-    "tbb/": {"octree/base/parallel.cpp"},
+    "tbb/": {"octree/base/parallel.cpp", "octree/base/thread_share.cpp"},
     "xxhash.h": {"octree/base/hash.cpp"},
     "nanoflann.hpp": {"octree/base/point_tree.cpp"},
     "assimp/": {"io/import"},
@@ -119,6 +122,9 @@ OPTIONAL = {"library/picture": {"editor/cli/render.cpp", "editor/tools", "editor
                             "octree/closed_surface.cpp", "octree/curve_graph.cpp",
                             "octree/self_intersections.cpp",
                             "solver/contact/obstacle.cpp"}}
+
+# Headers that other programs include.
+PUBLIC = "library/include/"
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 
@@ -177,6 +183,9 @@ def problems_of(root, path, text):
             if target == optional and room != optional and room not in TESTS and not any(
                     path == p or path.startswith(p + "/") for p in allowed):
                 yield "%s names the optional part %s" % (path, optional)
+        if path.startswith(PUBLIC) and (
+                mark == '"' or not re.fullmatch(r"[a-z_]+|cellwarp/[a-z_]+\.h", name)):
+            yield "%s may include the standard library alone, not %s" % (path, name)
         for library, places in LIBRARIES.items():
             if mark == "<" and name.startswith(library) and not any(
                     path == p or path.startswith(p + "/") for p in places):

@@ -28,6 +28,7 @@ good = {"octree/a.cpp": '#include "octree/a.h"\n', "octree/a.h": "#pragma once\n
         "tests/octree/CMakeLists.txt": "cellwarp_room_tests(octree SLOW\n  A.b\n  Many/A.c/one)\n",
         "tests/octree/a_test.cpp": '#include "octree/wrap/wrap.h"\nTEST(A, b)\nTEST_P(A,\n       c)\n',
         "tests/support/high.h": '#include "library/session/session.h"\n',
+        "library/include/cellwarp/a.h": "#include <stop_token>\n#include <cellwarp/export.h>\n",
         "tests/editor/a.cpp": '#include "tests/support/high.h"\n'}
 assert check(good)[0] == 0
 for path, text, words in (
@@ -51,6 +52,8 @@ for path, text, words in (
         ("editor/cli/deform.cpp", '#include "library/picture/picture.h"\n',
          "names the optional part library/picture"),
         ("solver/b.cpp", "#include <vector>\n", "stands in no room"),
+        ("library/include/cellwarp/b.h", "#include <Eigen/Core>\n", "the standard library alone"),
+        ("library/include/cellwarp/b.h", '#include "library/a.h"\n', "the standard library alone"),
         ("library/session/b.cpp", '#include "utils/x.h"\n', "which is in no room")):
     code, message = check({**good, path: text})
     assert code == 1 and words in message, (path, text, message)

@@ -237,9 +237,6 @@ Json intersections_json(const Geometry& geometry, const Outcome& outcome,
                : Json(nullptr);
 }
 
-/// How far samples of a region may end from where its motion puts them [diagonal].
-constexpr double kResidual = 1e-9;
-
 /// Sums the frames, and warns of those that did not converge or left samples behind.
 bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& warnings)
 {
@@ -249,20 +246,9 @@ bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& 
         ms.cells += report.cells_ms;
         ms.solve += report.solve_ms;
         ms.field += report.fit_ms + report.apply_ms;
-        if (!(report.handle_residual <= kResidual))
-        {
-            is_converged = false;
-            warnings.push_back(
-                fmt::format("frame {}: samples of a region end {:.3g} diagonals from "
-                            "where its motion puts them",
-                            report.frame, report.handle_residual));
-        }
-        if (report.solve.stop == Stop::Converged)
-            continue;
-        is_converged = false;
-        warnings.push_back(fmt::format("frame {} did not converge ({}, gradient {:.3g})",
-                                       report.frame, stop_name(report.solve.stop),
-                                       report.solve.gradient));
+        is_converged = is_converged && report.is_converged();
+        for (std::string& warning : convergence_warnings(report))
+            warnings.push_back(std::move(warning));
     }
     return is_converged;
 }

@@ -220,6 +220,12 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry);
 /// Throws Fault::Malformed if a coordinate is beyond 1e150: its square overflows.
 void check_magnitude(const std::string& path, const Geometry& geometry);
 
+/// Checks geometry that no reader has made. Throws Fault::Malformed with the first wrong
+/// number as field ("faces[17][2]"): there must be a sample; coordinates are finite and
+/// within 1e150; a face has three corners or more; indices are in range; normals and
+/// tangents are finite, and so are rotations, which have a length.
+void check_geometry(const Geometry& geometry);
+
 /// What a deformation changes, in the order of the file.
 struct DeformedSamples
 {

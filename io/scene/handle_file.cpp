@@ -484,8 +484,10 @@ void check_operation(const Operation& operation, bool is_first, Role role,
                                              : "'to' must be the first operation");
 }
 
+} // namespace
+
 /// Builds the file statement by statement and knows what may come next.
-class Parser
+class HandleBuilder::Parser
 {
 public:
     Parser(const std::string& path, std::vector<SkeletonJoint> joints)
@@ -498,6 +500,32 @@ public:
             joints_.try_emplace(joint.name, joints_.size());
         }
         file_.stages.back().joints = std::move(joints);
+    }
+
+    explicit Parser(HandleFile file) : file_(std::move(file)), has_header_(true)
+    {
+        if (file_.stages.empty())
+            file_.stages.emplace_back();
+        for (const Stage& stage : file_.stages)
+            if (!stage.frames.empty())
+                last_frame_ = stage.frames.back().number;
+        const Stage& stage = file_.stages.back();
+        for (const RegionStatement& region : stage.regions)
+        {
+            regions_.try_emplace(region.name, region.role, region.line);
+            if (region.spline)
+                splines_[region.name] = region.spline;
+        }
+        for (const OnStatement& on : stage.ons)
+            guided_.try_emplace(on.pin, on.line);
+        for (const SkeletonJoint& joint : stage.joints)
+        {
+            regions_.try_emplace(joint.name, Role::Bone, joint.line);
+            joints_.try_emplace(joint.name, joints_.size());
+        }
+        if (!stage.frames.empty())
+            for (const Move& move : stage.frames.back().moves)
+                moved_.try_emplace(key_of(move), move.line);
     }
 
     void statement(std::string_view text, std::int64_t line)
@@ -577,13 +605,26 @@ public:
                                "joint, skeleton, frame, move, release or commit)");
     }
 
-    HandleFile finish(std::int64_t lines)
+    /// The lines of a whole file.
+    void parse(std::string_view text)
     {
+        // What begins like a handle file is one, also with names that look like markup.
+        const bool is_ours = text.starts_with(kKeyword);
+        if (const std::string guess =
+                is_ours ? foreign_bytes(text) : foreign_content(text);
+            !guess.empty())
+            throw malformed({file_.path, 0, ""},
+                            "this looks like " + guess + ", need a handle file");
+        text.remove_prefix(byte_order_mark(text));
+        LineReader lines(text, 0, true);
+        for (std::string_view line; lines.next(line);)
+            statement(line, lines.line_number());
         if (!has_header_)
-            throw malformed({file_.path, lines, ""},
+            throw malformed({file_.path, lines.line_number(), ""},
                             "the file is empty (need 'cellwarp-handles 1')");
-        return std::move(file_);
     }
+
+    HandleFile& file() { return file_; }
 
 private:
     void save_comment(std::string_view text)
@@ -602,10 +643,9 @@ private:
             words.fail("joint", "comes before the frames, or after a commit");
         return stage;
     }
-    void know_joint(const std::string& name, std::int64_t line, const Statement& words)
+    void check_new_joint(const std::string& name, const Statement& words) const
     {
-        const auto [known, is_new] = regions_.try_emplace(name, Role::Bone, line);
-        if (!is_new)
+        if (const auto known = regions_.find(name); known != regions_.end())
             words.fail(name, "is already a " + role_name(known->second.first) +
                                  (known->second.first == Role::Bone ? "" : " region") +
                                  line_note(known->second.second));
@@ -661,7 +701,7 @@ private:
                 words.fail("option", "got " + in_quotes(option) +
                                          ", need parent, hinge, twist, swing or radius");
         }
-        know_joint(joint.name, line, words);
+        check_new_joint(joint.name, words);
         if (stage.joints.size() == kMostJoints)
             words.fail("joint", "more than " + std::to_string(kMostJoints) + " joints");
         // A parent stands before its children, so that each line can be checked.
@@ -677,6 +717,7 @@ private:
         if (joint.twist && (*joint.twist)[0] > (*joint.twist)[1])
             words.fail("twist", "its least angle is " + shortest((*joint.twist)[0]) +
                                     ", its largest " + shortest((*joint.twist)[1]));
+        regions_.try_emplace(joint.name, Role::Bone, line);
         joints_[joint.name] = stage.joints.size();
         stage.joints.push_back(std::move(joint));
     }
@@ -723,7 +764,8 @@ private:
         for (SkeletonJoint& joint : stage.joints)
         {
             joint.line = line;
-            know_joint(joint.name, line, words);
+            check_new_joint(joint.name, words);
+            regions_.try_emplace(joint.name, Role::Bone, line);
             joints_.try_emplace(joint.name, joints_.size());
         }
     }
@@ -823,7 +865,11 @@ private:
             words.fail(move.region,
                        "is on a curve" + line_note(guided->second) + ": that moves it");
         check_place(move, words);
-        check_moved_once(move, words);
+        MovedKey key = key_of(move);
+        if (const auto other = moved_.find(key); other != moved_.end())
+            words.fail(move.region, std::string(releases ? "is released" : "is moved") +
+                                        " twice in this frame" +
+                                        line_note(other->second));
         if (releases)
         {
             if (role == Role::Bone && *move.released != HoldParts{true, true, true})
@@ -844,11 +890,15 @@ private:
             words.fail("from", "comes after the 'to' of a joint");
         if (role == Role::Bone && !releases)
             check_joint_move(move, words);
+        moved_.try_emplace(std::move(key), line);
         stage.frames.back().moves.push_back(std::move(move));
     }
 
+    /// A region or point that is moved, and whether this is a release.
+    using MovedKey = std::tuple<std::string, MovePlace, bool>;
+
     /// Points of a rod count by their number, where that is known.
-    void check_moved_once(const Move& move, const Statement& words)
+    MovedKey key_of(const Move& move) const
     {
         MovePlace point = move.place;
         const auto spline = splines_.find(move.region);
@@ -861,12 +911,7 @@ private:
                                   : 0;
             point.kind = MovePlace::Kind::Point;
         }
-        const auto [other, is_first] = moved_.try_emplace(
-            {move.region, point, move.released.has_value()}, move.line);
-        if (!is_first)
-            words.fail(move.region,
-                       std::string(move.released ? "is released" : "is moved") +
-                           " twice in this frame" + line_note(other->second));
+        return {move.region, point, move.released.has_value()};
     }
 
     HandleFile file_;
@@ -876,11 +921,8 @@ private:
     std::map<std::string, std::shared_ptr<const SplineStatement>> splines_;
     std::map<std::string, std::int64_t> guided_; ///< pins on curves: line
     std::map<std::string, std::size_t> joints_;  ///< number of each
-    /// In this frame, by whether it is a release: line.
-    std::map<std::tuple<std::string, MovePlace, bool>, std::int64_t> moved_;
+    std::map<MovedKey, std::int64_t> moved_;     ///< in this frame: line
 };
-
-} // namespace
 
 std::string role_name(Role role)
 {
@@ -904,21 +946,111 @@ std::string role_name(Role role)
     return {};
 }
 
+HandleBuilder::HandleBuilder(const std::string& path, std::string_view text,
+                             std::vector<SkeletonJoint> joints)
+    : parser_(std::make_unique<Parser>(path, std::move(joints)))
+{
+    parser_->parse(text);
+}
+
+HandleBuilder::HandleBuilder(const std::string& path, std::string_view text)
+    : HandleBuilder(path, text, {})
+{
+}
+
+HandleBuilder::HandleBuilder(HandleFile file)
+    : parser_(std::make_unique<Parser>(std::move(file)))
+{
+}
+
+HandleBuilder::HandleBuilder() : HandleBuilder("", "cellwarp-handles 1") {}
+
+HandleBuilder::HandleBuilder(const HandleBuilder& other)
+    : parser_(std::make_unique<Parser>(*other.parser_))
+{
+}
+
+HandleBuilder& HandleBuilder::operator=(const HandleBuilder& other)
+{
+    parser_ = std::make_unique<Parser>(*other.parser_);
+    return *this;
+}
+
+HandleBuilder::HandleBuilder(HandleBuilder&&) noexcept = default;
+HandleBuilder& HandleBuilder::operator=(HandleBuilder&&) noexcept = default;
+HandleBuilder::~HandleBuilder() = default;
+
+const HandleFile& HandleBuilder::file() const
+{
+    return parser_->file();
+}
+
+void HandleBuilder::parse(const std::string& statements)
+{
+    LineReader lines(statements, 0, true);
+    for (std::string_view line; lines.next(line);)
+        parser_->statement(line, 0);
+}
+
+void HandleBuilder::use_relative_units()
+{
+    parse("units relative");
+}
+
+void HandleBuilder::add(RegionStatement region)
+{
+    // A long list is checked here and not as text.
+    Selector& selector = region.selector;
+    std::vector<std::pair<std::int64_t, std::int64_t>> ranges;
+    if (selector.kind == Selector::Kind::Indices)
+    {
+        if (selector.ranges.empty())
+            throw malformed({file().path, 0, "indices"}, "there is none");
+        for (const auto& [first, last] : selector.ranges)
+            if (first < 0 || last < first)
+                throw malformed({file().path, 0, "index"},
+                                "got " + std::to_string(first) + "-" +
+                                    std::to_string(last) +
+                                    ", need a sample index or a range like 3-7");
+        ranges = std::move(selector.ranges);
+        selector.ranges = {{0, 0}};
+    }
+    parse(statements_text({{region}, {}}));
+    if (!ranges.empty())
+        parser_->file().stages.back().regions.back().selector.ranges = std::move(ranges);
+}
+
+void HandleBuilder::add(const OnStatement& on)
+{
+    parse(statements_text({{}, {}, {on}}));
+}
+
+void HandleBuilder::add(const SkeletonJoint& joint)
+{
+    parse(statements_text({{}, {}, {}, {joint}}));
+}
+
+void HandleBuilder::add(const FrameStatement& frame)
+{
+    parse(statements_text({{}, {{frame.number, {}}}}));
+    parser_->file().stages.back().frames.back().time = frame.time;
+}
+
+void HandleBuilder::add(const Move& move)
+{
+    parse(statement_text(move));
+}
+
+void HandleBuilder::commit()
+{
+    parse("commit");
+}
+
 HandleFile parse_handles(const std::string& path, std::string_view text,
                          std::vector<SkeletonJoint> joints)
 {
-    // What begins like a handle file is one, also with names that look like markup.
-    const bool is_ours = text.starts_with(kKeyword);
-    if (const std::string guess = is_ours ? foreign_bytes(text) : foreign_content(text);
-        !guess.empty())
-        throw malformed({path, 0, ""},
-                        "this looks like " + guess + ", need a handle file");
-    Parser parser(path, std::move(joints));
-    text.remove_prefix(byte_order_mark(text));
-    LineReader lines(text, 0, true);
-    for (std::string_view line; lines.next(line);)
-        parser.statement(line, lines.line_number());
-    return parser.finish(lines.line_number());
+    HandleBuilder builder(path, text, std::move(joints));
+    return std::move(builder.parser_->file());
 }
 
 Stage parse_statements(const std::string& where, std::string_view text)

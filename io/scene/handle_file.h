@@ -215,6 +215,45 @@ HandleFile read_handles(const std::string& path, std::vector<SkeletonJoint> join
 HandleFile parse_handles(const std::string& path, std::string_view text,
                          std::vector<SkeletonJoint> joints = {});
 
+/// A handle file that grows statement by statement. Each is checked as parse_handles()
+/// checks it; one that is refused with an Error changes nothing.
+class HandleBuilder
+{
+public:
+    HandleBuilder();
+    /// With the statements of a file so far: what parse_handles() reads.
+    HandleBuilder(const std::string& path, std::string_view text);
+    /// To go on behind the statements of a file that was parsed.
+    explicit HandleBuilder(HandleFile file);
+    HandleBuilder(const HandleBuilder&);
+    HandleBuilder& operator=(const HandleBuilder&);
+    HandleBuilder(HandleBuilder&&) noexcept;
+    HandleBuilder& operator=(HandleBuilder&&) noexcept;
+    ~HandleBuilder();
+
+    const HandleFile& file() const;
+    void use_relative_units();
+    void add(RegionStatement region);
+    void add(const OnStatement& on);
+    void add(const SkeletonJoint& joint);
+    /// Moves that the frame holds already are not taken.
+    void add(const FrameStatement& frame);
+    /// To the last frame.
+    void add(const Move& move);
+    void commit();
+
+private:
+    class Parser;
+    friend HandleFile parse_handles(const std::string& path, std::string_view text,
+                                    std::vector<SkeletonJoint> joints);
+    HandleBuilder(const std::string& path, std::string_view text,
+                  std::vector<SkeletonJoint> joints);
+    /// Line by line.
+    void parse(const std::string& statements);
+
+    std::unique_ptr<Parser> parser_;
+};
+
 /// Whether a handle file can say this name of a region, group or label file: it may hold
 /// no line break and no NUL; with a double quote in it, it may neither begin with one nor
 /// hold a blank or #.
@@ -234,6 +273,8 @@ std::string handle_text(const HandleFile& file);
 /// the text in errors.
 std::string statements_text(const Stage& part);
 Stage parse_statements(const std::string& where, std::string_view text);
+/// The line of a move or release.
+std::string statement_text(const Move& move);
 
 /// The deformation survey's pair as a handle file: labels 0 fixed, 1 free,
 /// 2 handle of \p sel, and the one matrix of \p def, as frame 1.

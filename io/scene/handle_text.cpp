@@ -43,6 +43,43 @@ public:
                 this->move(move);
         }
     }
+    void move(const Move& move)
+    {
+        word(move.released ? "release" : "move");
+        name(move.region);
+        switch (move.place.kind)
+        {
+        case MovePlace::Kind::Whole:
+            break;
+        case MovePlace::Kind::Point:
+            word("point");
+            word(std::to_string(move.place.point));
+            break;
+        case MovePlace::Kind::Start:
+            word("start");
+            break;
+        case MovePlace::Kind::End:
+            word("end");
+            break;
+        }
+        if (move.released && *move.released != HoldParts{true, true, true})
+        {
+            if (move.released->place)
+                word("place");
+            if (move.released->tangent)
+                word("tangent");
+            if (move.released->twist)
+                word("twist");
+        }
+        for (const Operation& operation : move.operations)
+            this->operation(operation);
+        if (!move.chain.empty())
+        {
+            word("from");
+            name(move.chain);
+        }
+        end();
+    }
     void word(std::string_view text)
     {
         text_ += is_line_begun_ ? " " : "";
@@ -99,43 +136,6 @@ private:
         for (const double value : selector.numbers)
             number(value);
         factor(region);
-        end();
-    }
-    void move(const Move& move)
-    {
-        word(move.released ? "release" : "move");
-        name(move.region);
-        switch (move.place.kind)
-        {
-        case MovePlace::Kind::Whole:
-            break;
-        case MovePlace::Kind::Point:
-            word("point");
-            word(std::to_string(move.place.point));
-            break;
-        case MovePlace::Kind::Start:
-            word("start");
-            break;
-        case MovePlace::Kind::End:
-            word("end");
-            break;
-        }
-        if (move.released && *move.released != HoldParts{true, true, true})
-        {
-            if (move.released->place)
-                word("place");
-            if (move.released->tangent)
-                word("tangent");
-            if (move.released->twist)
-                word("twist");
-        }
-        for (const Operation& operation : move.operations)
-            this->operation(operation);
-        if (!move.chain.empty())
-        {
-            word("from");
-            name(move.chain);
-        }
         end();
     }
     void on(const OnStatement& on)
@@ -327,6 +327,13 @@ std::string statements_text(const Stage& part)
 {
     Printer printer(nullptr);
     printer.stage(part);
+    return printer.take();
+}
+
+std::string statement_text(const Move& move)
+{
+    Printer printer(nullptr);
+    printer.move(move);
     return printer.take();
 }
 

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "io/base/error.h"
 #include "io/base/number.h"
 
 namespace cellwarp::core
@@ -51,6 +52,20 @@ std::string values_of(YesOrNo)
     return "`true`, `false`";
 }
 
+template <class Number>
+bool is_allowed(const Between<Number>& allowed, Number value)
+{
+    return value >= allowed.low && value <= allowed.high; // not if it is NaN
+}
+bool is_allowed(const OneOf& allowed, const std::string& value)
+{
+    return allowed.has(value);
+}
+bool is_allowed(YesOrNo, bool)
+{
+    return true;
+}
+
 } // namespace
 
 std::string SettingText::flag(const char* before) const
@@ -88,6 +103,22 @@ SceneSettings with_usual_values(SceneSettings settings)
         },
         settings);
     return settings;
+}
+
+void check_settings(const SceneSettings& settings)
+{
+    visit_settings(
+        [](const SettingText& text, const auto& allowed, const auto&, const auto& value)
+        {
+            if (value && !is_allowed(allowed, *value))
+                throw Error(
+                    Fault::Usage,
+                    at({"", 0,
+                        (*text.section ? text.section + std::string(".") : "") +
+                            text.key},
+                       "got " + words_of(*value) + ", need " + values_of(allowed)));
+        },
+        settings);
 }
 
 std::string settings_table()

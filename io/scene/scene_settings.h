@@ -197,6 +197,9 @@ void visit_settings(Visit&& visit, Settings&... settings)
 /// With defaults where \p settings have no value and the model does not decide.
 SceneSettings with_usual_values(SceneSettings settings);
 
+/// Throws Fault::Usage with the key ("cells.gap") of the first value that is not allowed.
+void check_settings(const SceneSettings& settings);
+
 /// The table of the documentation, in Markdown.
 std::string settings_table();
 

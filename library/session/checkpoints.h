@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "io/formats/field_file.h"
 #include "io/formats/geometry.h"
 #include "library/session/bone_regions.h"
 #include "library/session/cell_refiner.h"
@@ -29,6 +30,8 @@ struct StageRest
     DeformedSamples samples;       ///< at rest [model unit]
     std::shared_ptr<const RestShape> shape;
     std::optional<DefaultPlane> plane = {}; ///< that it may be kept in without being told
+    /// Maps of the commits before it, where they are kept.
+    std::vector<std::shared_ptr<const StoredField>> fields = {};
 };
 
 /// A stage before its first frame.

@@ -60,6 +60,12 @@ struct FrameReport
     std::optional<CellContactReport>
         contacts; ///< nothing: parts may pass through each other
     double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
+
+    /// The solve converged, and samples of regions are where their motions put them.
+    bool is_converged() const;
 };
+
+/// Reasons why a frame has not converged, for people; none: it has.
+std::vector<std::string> convergence_warnings(const FrameReport& report);
 
 } // namespace cellwarp::core

@@ -140,7 +140,6 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
       settings_(std::move(settings)),
       rbf_systems_(std::make_unique<RbfSystems>(most_for_systems(settings_)))
 {
-    assert(!settings_.keeps_checkpoints || !settings_.keeps_fields);
     const Geometry& geometry = *geometry_;
     DeformedSamples first{geometry.samples, {}, geometry.tangents, geometry.rotations};
     for (const DirectionUse& use : direction_uses(geometry))
@@ -177,13 +176,15 @@ CellSystemSettings Session::system_settings() const
             settings_.cells.loose_follow};
 }
 
-std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,
-                                                    DeformedSamples samples)
+std::shared_ptr<const StageRest>
+Session::make_rest(std::size_t stage, DeformedSamples samples,
+                   std::vector<std::shared_ptr<const StoredField>> fields)
 {
     auto rest = std::make_shared<StageRest>();
     rest->stage = stage;
     rest->fingerprint = script_.before(stage);
     rest->samples = std::move(samples);
+    rest->fields = std::move(fields);
     CellSettings cells = settings_.cells;
     if (!cells.is_flat && settings_.led_rods.empty())
         rest->plane = DefaultPlane::of(rest->samples.samples, cells);
@@ -337,7 +338,7 @@ void Session::go_back()
     }
     if (!fits(*rest))
     {
-        rest = make_rest(rest->stage, rest->samples);
+        rest = make_rest(rest->stage, rest->samples, rest->fields);
         (rest->stage == 0 ? first_rest_ : last_rest_) = rest;
     }
     warnings_ = geometry_->warnings;
@@ -681,11 +682,9 @@ std::vector<Eigen::Vector3d> Session::samples_by(const FieldChoice& field) const
     return samples;
 }
 
-void Session::move_samples(FrameReport& report)
+void Session::make_field()
 {
     StageState& s = *state_;
-    const WorkFrame& frame = s.system.rest().frame;
-    Clock::time_point start = Clock::now();
     if (!s.fitter)
     {
         // What is kept is for fits to come: a fit that is the first and the last keeps
@@ -697,6 +696,14 @@ void Session::move_samples(FrameReport& report)
                          has_other_fits ? rbf_systems_.get() : nullptr);
     }
     s.field = std::make_unique<Field>(s.fitter->fit(s.system.poses(), moved_regions()));
+}
+
+void Session::move_samples(FrameReport& report)
+{
+    StageState& s = *state_;
+    const WorkFrame& frame = s.system.rest().frame;
+    Clock::time_point start = Clock::now();
+    make_field();
     const FieldKind kind = settings_.field.kind;
     ++(kind == FieldKind::Rbf ? parts_.rbf
        : is_dense(kind)       ? parts_.rbf_global
@@ -752,13 +759,16 @@ void Session::commit()
 {
     if (!is_deformed_current_)
         update_samples();
-    std::optional<StoredField> field;
+    std::vector<std::shared_ptr<const StoredField>> fields = rest_->fields;
     if (settings_.keeps_fields)
-        field = stored_field(state_->system, *state_->field);
-    last_rest_ = make_rest(stage_ + 1, *deformed_);
+    {
+        if (!state_->field)
+            make_field(); // a commit that was stopped has left none
+        fields.push_back(std::make_shared<const StoredField>(
+            stored_field(state_->system, *state_->field)));
+    }
+    last_rest_ = make_rest(stage_ + 1, *deformed_, std::move(fields));
     start_stage(last_rest_);
-    if (field)
-        committed_fields_.push_back(std::move(*field));
 }
 
 /// Through commits that no frame follows.
@@ -821,7 +831,9 @@ std::vector<RodReport> Session::rods() const
 
 FieldFile Session::field_file() const
 {
-    FieldFile file{committed_fields_};
+    FieldFile file;
+    for (const auto& field : rest_->fields)
+        file.stages.push_back(*field);
     file.stages.push_back(stored_field(state_->system, *state_->field));
     return file;
 }

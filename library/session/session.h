@@ -120,8 +120,9 @@ private:
     struct StageState;
 
     CellSystemSettings system_settings() const;
-    std::shared_ptr<const StageRest> make_rest(std::size_t stage,
-                                               DeformedSamples samples);
+    std::shared_ptr<const StageRest>
+    make_rest(std::size_t stage, DeformedSamples samples,
+              std::vector<std::shared_ptr<const StoredField>> fields = {});
     bool is_to_be_flat(const StageRest& rest) const;
     /// Whether it is flat as it is to be.
     bool fits(const StageRest& rest) const;
@@ -146,6 +147,7 @@ private:
     std::vector<MovedRegion> moved_regions() const;
     void solve_next(bool wants_samples, double cells_ms);
     void end_frame(FrameReport& report, bool wants_samples);
+    void make_field();
     void move_samples(FrameReport& report);
     void update_samples();
 
@@ -167,7 +169,6 @@ private:
     Checkpoints checkpoints_;
     std::vector<std::string> warnings_;
     PartCounts parts_;
-    std::vector<StoredField> committed_fields_;
     std::unique_ptr<RbfSystems> rbf_systems_; ///< of this stage's fits
     std::unique_ptr<StageState> state_;
     std::unique_ptr<const Checkpoint> stopped_; ///< where to go on after Stopped

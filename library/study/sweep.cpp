@@ -108,7 +108,10 @@ Played played(const SweepInput& input, const SessionSettings& settings,
 {
     StageSeconds seconds;
     const Clock::time_point start = Clock::now();
-    Geometry geometry = read_geometry(input.model, input.read).geometry;
+    std::shared_ptr<const Geometry> geometry = input.geometry;
+    if (!geometry)
+        geometry = std::make_shared<const Geometry>(
+            read_geometry(input.model, input.read).geometry);
     seconds.load = seconds_since(start);
     const Clock::time_point build_start = Clock::now();
     Session session(std::move(geometry), input.handles, settings);

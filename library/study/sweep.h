@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -83,6 +84,8 @@ struct SweepInput
     HandleFile handles;
     /// A result from elsewhere, with which every row is compared; empty: none.
     std::vector<Eigen::Vector3d> against = {};
+    /// In the place of the file; null: it is read.
+    std::shared_ptr<const Geometry> geometry = {};
 };
 
 /// The samples of a result from elsewhere, in any format that is read. Throws

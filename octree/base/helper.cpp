@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <spawn.h>
 #include <sys/mman.h>
@@ -31,6 +32,20 @@ namespace fs = std::filesystem;
     throw std::system_error(error, std::generic_category(), what);
 }
 
+/// The folder of the shared library that this code is in; empty: it is in a program.
+fs::path library_folder()
+{
+    Dl_info info;
+    if (::dladdr(reinterpret_cast<const void*>(&library_folder), &info) == 0 ||
+        !info.dli_fname || *info.dli_fname != '/') // a program may have any name
+        return {};
+    std::error_code error;
+    const fs::path file = fs::canonical(info.dli_fname, error);
+    return error || file == fs::read_symlink("/proc/self/exe", error)
+               ? fs::path()
+               : file.parent_path();
+}
+
 std::vector<std::string> helper_folders()
 {
     const char* const named = std::getenv("CELLWARP_HELPERS");
@@ -40,6 +55,9 @@ std::vector<std::string> helper_folders()
     std::vector<std::string> folders;
     if (!self.empty())
         folders.push_back(self.string());
+    if (const fs::path library = library_folder(); !library.empty())
+        for (const char* const place : {"", CELLWARP_HELPERS_FROM_LIBRARY})
+            folders.push_back((library / place).lexically_normal().string());
     // Relative ones are seen from the program.
     for (const char* const place : {CELLWARP_HELPER_PLACES})
     {

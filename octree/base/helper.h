@@ -25,7 +25,8 @@ struct HelperEnd
 /// Runs a helper to its end, with \p input as its stdin. It has no environment but the
 /// search path for libraries, and no signal is blocked or ignored. Its program is looked
 /// for in the folder that the environment variable CELLWARP_HELPERS names, there alone;
-/// where that is not set, beside the running program and where cellwarp was installed.
+/// where that is not set, beside the running program, beside the shared library, and
+/// where cellwarp was installed.
 /// Throws std::system_error, which names the folders where it is in none of them, and
 /// std::bad_alloc.
 HelperEnd run_helper(const std::string& name, const std::vector<std::string>& arguments,

@@ -4,41 +4,35 @@
 // setting is another one afterwards.
 #include <cstdio>
 #include <exception>
-#include <memory>
 #include <tuple>
 
 #include <gmp.h>
 
-#include "io/base/error.h"
-#include "io/formats/geometry_file.h"
-#include "io/formats/geometry_output.h"
-#include "io/scene/handle_file.h"
-#include "library/session/scene_settings.h"
-#include "library/session/session.h"
+#include <cellwarp/cellwarp.h>
 
 extern "C" int openblas_get_num_threads();
 extern "C" void openblas_set_num_threads(int);
 extern "C" int omp_get_max_threads();
 extern "C" int omp_get_max_active_levels();
 
-using namespace cellwarp::core;
+using namespace cellwarp;
 
 namespace
 {
 
-struct Settings
+struct OfProcess
 {
     void* (*allocate)(std::size_t) = nullptr;
     void* (*reallocate)(void*, std::size_t, std::size_t) = nullptr;
     void (*release)(void*, std::size_t) = nullptr;
     std::terminate_handler terminate = std::get_terminate();
 
-    Settings() { ::mp_get_memory_functions(&allocate, &reallocate, &release); }
-    bool operator==(const Settings&) const = default;
+    OfProcess() { ::mp_get_memory_functions(&allocate, &reallocate, &release); }
+    bool operator==(const OfProcess&) const = default;
 };
 
 /// Before the library's own variables begin.
-const Settings before __attribute__((init_priority(101)));
+const OfProcess before __attribute__((init_priority(101)));
 
 auto thread_counts()
 {
@@ -48,17 +42,15 @@ auto thread_counts()
 
 void bend(const char* from, const char* to)
 {
-    const auto model = std::make_shared<const GeometryFile>(read_geometry(from));
-    const HandleFile handles = parse_handles("", R"(cellwarp-handles 1
+    const Model model = Model::read(from);
+    const Edit edit = Edit::parse(R"(cellwarp-handles 1
 units relative
 fixed foot box 0 0 0  1 1 0.1
 handle head box 0 0 0.9  1 1 1
 frame 1
 move head rotate 1 0 0 45 about border
 )");
-    Session session(geometry_of(model), handles, settings_of(SceneFile()));
-    session.next_frame(true);
-    write_geometry(to, *model, session.deformed(), Overwrite::Yes);
+    write(to, model, deform(model, edit).deformed, Overwrite::Yes);
 }
 
 } // namespace
@@ -68,7 +60,7 @@ int main(int, char** names)
     openblas_set_num_threads(2);
     const auto counts = thread_counts();
     bend(names[1], names[2]);
-    if (Settings() == before && thread_counts() == counts &&
+    if (OfProcess() == before && thread_counts() == counts &&
         openblas_get_num_threads() == 2)
         return 0;
     std::fputs("the process has other settings than before\n", stderr);
